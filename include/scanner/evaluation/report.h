@@ -1,0 +1,89 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "scanner/core/time.h"
+#include "scanner/evaluation/pose_error.h"
+
+namespace scanner::evaluation {
+
+inline constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+/// One view in the report. What is not known stays NaN, and becomes null.
+struct ReportView {
+  int index = -1;
+  Time stamp;
+  bool registered = false;
+  std::string reason;  ///< why it was discarded; empty for a registered view
+  int trial = 0;       ///< 1..6, 0 for the first view
+  bool resampled = false;
+  std::size_t points = 0;
+  double mean_distance_m = kUnknown;
+  double prior_arc_deg = kUnknown;
+  double prior_rho_m = kUnknown;
+  double truth_position_m = kUnknown;
+  double truth_rotation_deg = kUnknown;
+};
+
+struct ReportLoop {
+  bool closed = false;
+  double residual_m = kUnknown;
+  double residual_deg = kUnknown;
+};
+
+struct ReportModel {
+  std::size_t vertices = 0;
+  std::size_t faces = 0;
+  std::size_t components = 0;
+  std::size_t boundary_edges = 0;
+  std::size_t non_manifold_edges = 0;
+  double mean_spacing_m = kUnknown;
+};
+
+struct ReportTimes {
+  double stereo = 0.0;
+  double inertial = 0.0;
+  double registration = 0.0;
+  double global = 0.0;
+  double surface = 0.0;
+  double total = 0.0;
+};
+
+/// Everything that report.json holds; plain values, filled by whoever ran the scan.
+struct ScanReport {
+  std::vector<ReportView> views;  ///< every view, in order; total and discarded are counted here
+  int groups = 0;
+  std::array<int, 8> trials{};  ///< how often steps 1..8 of method.md section 8 were taken
+  std::vector<MotionRow> prior_relative;
+  std::vector<MotionRow> prior_absolute;
+  std::optional<PoseErrors> truth;  ///< absent without ground truth
+  ReportLoop loop;
+  std::optional<ReportModel> model;  ///< absent when no surface was made
+  ReportTimes time_s;
+  double peak_memory_mb = kUnknown;
+  std::vector<std::string> warnings;           ///< trouble with the input, one line each
+  std::map<std::string, std::size_t> skipped;  ///< what was left out, counted by reason
+};
+
+/// The report as JSON with keys in a fixed order, two spaces of indentation and a final newline.
+/// Unknown numbers and absent parts are null. Same report, same bytes.
+///
+///     views{total,registered,discarded,discarded_views[{index,stamp_ns,reason}]}  groups
+///     trials{"1".."8"}
+///     prior{relative|absolute{arc_deg,roll_deg,pitch_deg,yaw_deg,rho_m,x_m,y_m,z_m
+///                             -> median,mean,sigma,min,max,count}}
+///     truth{position_rmse_m,position_max_m,rotation_rmse_deg,rotation_max_deg,compared,skipped}
+///     loop{closed,residual_m,residual_deg}
+///     model{vertices,faces,components,boundary_edges,non_manifold_edges,mean_spacing_m}
+///     time_s{stereo,inertial,registration,global,surface,total}  peak_memory_mb
+///     warnings[]  skipped{reason -> count}
+///     tables{views[{index,stamp_ns,...}],prior_relative[{from,to,arc_deg,...}],prior_absolute[]}
+std::string toJson(const ScanReport& report);
+
+}  // namespace scanner::evaluation

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstddef>
+
+#include "scanner/core/image.h"
+#include "scanner/stereo/options.h"
+#include "scanner/stereo/rectify.h"
+
+namespace scanner::stereo {
+
+/// What each test removed, in pixels of the left image.
+struct MatchStatistics {
+  std::size_t pixels = 0;
+  std::size_t searched = 0;        ///< pixels whose match can lie inside the right image
+  std::size_t matched = 0;         ///< with a disparity after texture and uniqueness validation
+  std::size_t outside = 0;         ///< best match at or beyond the edge of the right image or range
+  std::size_t back_and_forth = 0;  ///< left and right disparity disagree
+  std::size_t refinement = 0;      ///< sub-pixel step did not settle, or left too much residual
+  std::size_t precision = 0;       ///< sigma above the limit
+  std::size_t surface = 0;         ///< on a piece that is too small
+  std::size_t valid = 0;
+};
+
+/// Disparity of the left image by the chosen method, validated and refined (thesis 2.1, table 3.1).
+/// Columns on the left whose search range leaves the right image keep the part of the range that is
+/// inside; a best match outside is no match. Throws ConfigurationError for options out of range or
+/// a range wider than the image, std::invalid_argument for images of unequal size or wrong type.
+///
+/// Same bytes for any `threads` (>= 1). OpenCV, used inside, additionally follows its own process-
+/// wide thread setting, which is left alone and does not change the result either.
+DisparityImage match(const RectifiedPair& pair, const MatcherOptions& options, int threads,
+                     MatchStatistics* statistics = nullptr);
+
+}  // namespace scanner::stereo

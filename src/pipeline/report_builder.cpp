@@ -1,0 +1,126 @@
+#include "pipeline/report_builder.h"
+
+#include <sys/resource.h>
+
+namespace scanner::pipeline {
+namespace {
+
+using evaluation::ReportView;
+using evaluation::ScanReport;
+
+double peakMemoryMb() {
+  rusage usage{};
+  if (getrusage(RUSAGE_SELF, &usage) != 0) return evaluation::kUnknown;
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;  // Linux counts kilobytes
+}
+
+std::vector<ReportView> reportViews(const ReportInput& input) {
+  std::vector<ReportView> views;
+  for (const FrameOutcome& frame : input.frames) {
+    ReportView view;
+    view.index = frame.index;
+    view.stamp = frame.stamp;
+    view.reason = frame.reason;
+    view.points = frame.points;
+    views.push_back(view);
+  }
+  // The last word on a view is the registrar's: finish() may place one that add() could not.
+  for (const registration::RegisteredView& registered : input.registrar.views()) {
+    ReportView& view = views.at(static_cast<std::size_t>(registered.view->index));
+    view.registered = registered.registered;
+    view.reason = registered.discard_reason;
+    view.trial = registered.trial;
+    view.resampled = registered.resampled;
+    if (!registered.registered || registered.previous_registered < 0) continue;
+    const evaluation::MotionComponents error = evaluation::motionComponents(
+        registered.T_prev_registered_prior.inverse() * registered.T_prev_registered);
+    view.mean_distance_m = registered.mean_distance_m;
+    view.prior_arc_deg = error.arc_deg;
+    view.prior_rho_m = error.rho_m;
+  }
+  return views;
+}
+
+void addPriorErrors(const ReportInput& input, ScanReport& report) {
+  const auto& views = input.registrar.views();
+  std::vector<evaluation::PriorPair> pairs;
+  for (const registration::RegisteredView& view : views) {
+    if (!view.registered || view.previous_registered < 0) continue;
+    const auto& previous = views[static_cast<std::size_t>(view.previous_registered)];
+    pairs.push_back({previous.view->index, view.view->index, view.T_prev_registered_prior,
+                     view.T_prev_registered});
+  }
+  report.prior_relative = evaluation::relativePriorErrors(pairs);
+  report.prior_absolute = evaluation::absolutePriorErrors(pairs);
+}
+
+void addTruth(const ReportInput& input, ScanReport& report) {
+  if (!input.truth) return;
+  Trajectory estimate;
+  for (const registration::RegisteredView& view : input.registrar.views()) {
+    if (view.registered) estimate.push_back({view.view->stamp, view.T_map_base});
+  }
+  Result<evaluation::PoseErrors> errors = evaluation::compareToTruth(estimate, *input.truth);
+  if (!errors) {
+    report.warnings.push_back("no comparison with the truth: " + errors.status().message());
+    return;
+  }
+  for (const evaluation::PoseErrorRow& row : errors->poses) {
+    for (ReportView& view : report.views) {
+      if (!view.registered || view.stamp != row.stamp) continue;
+      view.truth_position_m = row.position_m;
+      view.truth_rotation_deg = row.rotation_deg;
+    }
+  }
+  report.truth = *std::move(errors);
+}
+
+void addModel(const ReportInput& input, ScanReport& report) {
+  const surface::MeshStatistics& model = input.surface.model;
+  if (model.faces == 0) return;
+  report.model = evaluation::ReportModel{model.vertices,       model.faces,
+                                         model.components,     model.boundary_edges,
+                                         model.non_manifold_edges, model.mean_spacing_m};
+}
+
+void addSkipped(const ReportInput& input, ScanReport& report) {
+  const inertial::InertialStatistics& imu = input.inertial.statistics();
+  const std::pair<const char*, std::size_t> counts[] = {
+      {"inertial samples that are not finite", imu.non_finite},
+      {"inertial samples that go back in time", imu.backwards},
+      {"inertial samples of equal stamp", imu.duplicates},
+      {"gaps in the inertial samples", imu.gaps},
+  };
+  for (const auto& [reason, count] : counts) {
+    if (count > 0) report.skipped[reason] = count;
+  }
+}
+
+}  // namespace
+
+ScanReport buildReport(const ReportInput& input) {
+  ScanReport report;
+  report.warnings = input.warnings;
+  report.views = reportViews(input);
+  report.groups = static_cast<int>(input.registrar.groups().size());
+  const auto trials = input.registrar.trials().total();
+  for (std::size_t step = 1; step < trials.size(); ++step) {
+    report.trials[step - 1] = static_cast<int>(trials[step]);
+  }
+  addPriorErrors(input, report);
+  addTruth(input, report);
+  addModel(input, report);
+  addSkipped(input, report);
+  report.loop.closed = input.global.loop.closed;
+  if (input.global.loop.closed) {
+    report.loop.residual_m = input.global.loop.residual_m;
+    report.loop.residual_deg = input.global.loop.residual_deg;
+  }
+  const StageTimes& t = input.times;
+  report.time_s = {t.stereo, t.inertial, t.registration, t.global, t.surface,
+                   t.stereo + t.inertial + t.registration + t.global + t.surface};
+  report.peak_memory_mb = peakMemoryMb();
+  return report;
+}
+
+}  // namespace scanner::pipeline

@@ -1,0 +1,299 @@
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <ros/console.h>
+
+#include "ros/registration_node_impl.h"
+#include "scanner/core/camera.h"
+#include "scanner/ros/parameters.h"
+#include "scanner/ros/static_transforms.h"
+
+namespace scanner::bridge {
+namespace {
+
+constexpr const char* kCameraFrame = "bumblebee_left_optical";
+constexpr auto kRecheck = std::chrono::milliseconds(100);
+
+}  // namespace
+
+void describe(OptionVisitor& v, RegistrationNodeOptions& o) {
+  v.option("threads", o.threads, {0, 256}, "", "threads to use; 0: all processors");
+  v.option("autostart", o.autostart, "scan from the start; else wait for ~start");
+  v.option("start_delay_s", o.start_delay_s, {0.0, 86400.0}, "s", "start by itself after this");
+  v.option("rig", o.rig, "rig file; empty: tf knows where the camera sits");
+  v.option("out", o.out, "scan folder written to as views come; empty: none");
+  v.option("preview_rate_hz", o.preview_rate_hz, {0.01, 100.0}, "Hz", "of registration/cloud");
+  v.option("preview_voxel_m", o.preview_voxel_m, {1e-4, 10.0}, "m", "spacing of the same");
+  v.option("finish_timeout_s", o.finish_timeout_s, {0.1, 3600.0}, "s",
+           "~finish gives up on clouds or odometry after so long without news");
+  v.option("map_frame", o.map_frame, "frame of the map");
+  v.option("odom_frame", o.odom_frame, "frame of the odometry");
+  v.option("base_frame", o.base_frame, "frame of the inertial sensor");
+}
+
+RegistrationNode::Impl::Impl(ros::NodeHandle nh, const ros::NodeHandle& private_nh) : nh_(nh) {
+  loadParameters(private_nh);
+  session_ = std::make_unique<RegistrationSession>(config_, threads_, options_.preview_voxel_m);
+  odometry_ = std::make_unique<OdometryBuffer>(fromSeconds(config_.inertial.max_gap_s));
+  if (!options_.out.empty()) folder_ = std::make_unique<pipeline::ScanFolder>(options_.out);
+  if (!options_.rig.empty()) {
+    const Rig rig = loadRig(options_.rig);
+    static_tf_.sendTransform(toRos(rig.T_base_camera, Time(), options_.base_frame, kCameraFrame));
+  }
+  advertise(private_nh);
+  if (options_.autostart && options_.start_delay_s == 0.0) state_ = RegistrationStatus::SCANNING;
+  if (options_.start_delay_s > 0.0) {
+    start_timer_ = nh_.createTimer(
+        ros::Duration(options_.start_delay_s), [this](const ros::TimerEvent&) { start(); }, true);
+  }
+  worker_ = std::thread([this] { work(); });
+  subscribe();
+  services_->start();
+  publishStatus();
+}
+
+RegistrationNode::Impl::~Impl() {
+  points_sub_.shutdown();
+  odometry_sub_.shutdown();
+  info_sub_.shutdown();
+  map_timer_.stop();
+  start_timer_.stop();
+  diagnostics_.reset();
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stopping_ = true;
+  }
+  wake_.notify_all();
+  services_->stop();
+  if (worker_.joinable()) worker_.join();
+}
+
+void RegistrationNode::Impl::loadParameters(const ros::NodeHandle& private_nh) {
+  loadPrivate(private_nh, {"registration", "inertial", "stereo", "scan"}, options_);
+  loadBlock(nh_, private_nh, "registration", config_.registration);
+  loadBlock(nh_, private_nh, "inertial", config_.inertial);
+  loadBlock(nh_, private_nh, "stereo", config_.stereo);
+  loadBlock(nh_, private_nh, "scan", config_.scan);
+  threads_ = options_.threads > 0
+                 ? options_.threads
+                 : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+}
+
+void RegistrationNode::Impl::advertise(const ros::NodeHandle& private_nh) {
+  pose_ = nh_.advertise<geometry_msgs::PoseWithCovarianceStamped>("registration/pose", 100);
+  path_ = nh_.advertise<nav_msgs::Path>("registration/path", 10, true);
+  views_ = nh_.advertise<RegisteredView>("registration/views", 0);
+  groups_ = nh_.advertise<GroupArray>("registration/groups", 10, true);
+  group_markers_ =
+      nh_.advertise<visualization_msgs::Marker>("registration/group_markers", 10, true);
+  cloud_ = nh_.advertise<sensor_msgs::PointCloud2>("registration/cloud", 1, true);
+  status_ = nh_.advertise<RegistrationStatus>("registration/status", 100, true);
+  services_ = std::make_unique<ServiceThread>(private_nh);
+  services_->add("start", [this] { return start(); });
+  services_->add("stop", [this] { return stop(); });
+  services_->add("finish", [this] { return finish(); });
+  services_->add("discard_last", [this] { return discardLast(); });
+  services_->addSave("save", [this](const std::string& folder) { return save(folder); });
+  diagnostics_ = std::make_unique<Diagnostics>(
+      nh_, private_nh, "registration", [this](DiagnosticStatus& status) { report(status); });
+  constexpr double kMapPeriod_s = 0.1;
+  map_timer_ = nh_.createTimer(ros::Duration(kMapPeriod_s), &Impl::onMapTimer, this);
+}
+
+void RegistrationNode::Impl::subscribe() {
+  const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
+  info_sub_ = nh_.subscribe("bumblebee/left/camera_info", 0, &Impl::onCameraInfo, this, hints);
+  odometry_sub_ = nh_.subscribe("odometry", 0, &Impl::onOdometry, this, hints);
+  points_sub_ = nh_.subscribe("stereo/points", 0, &Impl::onCloud, this, hints);
+}
+
+void RegistrationNode::Impl::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& message) {
+  const Time stamp = fromRos(message->header.stamp);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const bool wanted = state_ == RegistrationStatus::SCANNING ||
+                      (state_ == RegistrationStatus::FINISHING && stamp <= finish_at_);
+  if (!wanted) return;
+  announced_.insert(stamp);
+  news_ = cloud_news_ = SteadyClock::now();
+}
+
+void RegistrationNode::Impl::onCloud(const sensor_msgs::PointCloud2ConstPtr& message) {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    news_ = cloud_news_ = SteadyClock::now();
+    ++clouds_;
+    const Time stamp = fromRos(message->header.stamp);
+    const bool announced = announced_.count(stamp) > 0;
+    // Clouds come in order: what was announced before this one and has not come never will.
+    announced_.erase(announced_.begin(), announced_.upper_bound(stamp));
+    const bool wanted = state_ == RegistrationStatus::SCANNING || announced;
+    if (!wanted) {
+      ++ignored_;
+      return;
+    }
+    waiting_.push_back(message);
+  }
+  wake_.notify_all();
+}
+
+void RegistrationNode::Impl::onOdometry(const nav_msgs::OdometryConstPtr& message) {
+  const Result<inertial::OdometryState> state = fromRos(*message);
+  if (!state) return;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    ++odometry_received_;
+    news_ = SteadyClock::now();
+    odometry_->add(*state);
+    // Nothing older than the first cloud that waits will be asked for; stereo lags by seconds at most.
+    constexpr double kHistory_s = 600.0;
+    const Time oldest =
+        waiting_.empty() ? state->stamp : fromRos(waiting_.front()->header.stamp);
+    odometry_->forgetBefore(std::min(oldest, state->stamp) - fromSeconds(kHistory_s));
+  }
+  wake_.notify_all();
+}
+
+void RegistrationNode::Impl::onMapTimer(const ros::TimerEvent&) {
+  const ros::Time now = ros::Time::now();
+  Eigen::Isometry3d T_map_odom;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (now <= broadcast_) return;  // the clock stands still
+    broadcast_ = now;
+    T_map_odom = T_map_odom_;
+  }
+  tf_broadcaster_.sendTransform(
+      toRos(T_map_odom, fromRos(now), options_.map_frame, options_.odom_frame));
+}
+
+Result<Eigen::Isometry3d> RegistrationNode::Impl::cloudPose(const std::string& frame) const {
+  std::string error;
+  if (!tf_.canTransform(options_.base_frame, frame, ros::Time(0), &error)) {
+    return Status(StatusCode::kNotEnoughData,
+                  "no transform from " + options_.base_frame + " to " + frame);
+  }
+  return fromRos(tf_.lookupTransform(options_.base_frame, frame, ros::Time(0)).transform);
+}
+
+bool RegistrationNode::Impl::ready(std::unique_lock<std::mutex>& lock,
+                                   Result<inertial::OdometryState>& state,
+                                   Result<Eigen::Isometry3d>& T_base_cloud) {
+  const sensor_msgs::PointCloud2& cloud = *waiting_.front();
+  state = odometry_->at(fromRos(cloud.header.stamp));
+  T_base_cloud = cloudPose(frameName(cloud.header.frame_id));
+  const bool later = state.status().code() == StatusCode::kNotEnoughData || !T_base_cloud;
+  waiting_for_ = !later ? "" : !T_base_cloud ? T_base_cloud.status().message()
+                                             : state.status().message();
+  if (!later || give_up_) return true;
+  wake_.wait_for(lock, kRecheck);
+  return false;
+}
+
+void RegistrationNode::Impl::work() {
+  std::unique_lock<std::mutex> lock(mutex_);
+  while (!stopping_) {
+    if (waiting_.empty()) {
+      wake_.wait(lock);
+      continue;
+    }
+    Result<inertial::OdometryState> state = Status(StatusCode::kNotEnoughData, "");
+    Result<Eigen::Isometry3d> T_base_cloud = Status(StatusCode::kNotEnoughData, "");
+    if (!ready(lock, state, T_base_cloud)) continue;
+    const sensor_msgs::PointCloud2ConstPtr message = waiting_.front();
+    waiting_.pop_front();
+    busy_ = true;
+    lock.unlock();
+    process(*message, state, T_base_cloud);
+    lock.lock();
+    busy_ = false;
+    news_ = SteadyClock::now();
+    wake_.notify_all();
+  }
+}
+
+void RegistrationNode::Impl::process(const sensor_msgs::PointCloud2& message,
+                                     const Result<inertial::OdometryState>& state,
+                                     const Result<Eigen::Isometry3d>& T_base_cloud) {
+  const Result<OrganizedCloud> cloud = fromRos(message);
+  const Time stamp = fromRos(message.header.stamp);
+  {
+    const std::lock_guard<std::mutex> lock(session_mutex_);
+    RegistrationSession::Outcome outcome;
+    if (!state || !T_base_cloud || !cloud) {
+      const Status& status = !state ? state.status()
+                                    : (!T_base_cloud ? T_base_cloud.status() : cloud.status());
+      outcome = session_->discard(stamp, status.message());
+    } else {
+      outcome = session_->add(*cloud, *state, *T_base_cloud);
+    }
+    last_trial_ = outcome.trial;
+    mean_distance_m_ = outcome.mean_distance_m;
+    publish(outcome);
+    write(outcome);
+    publishMap(false);
+  }
+  publishStatus();
+}
+
+void RegistrationNode::Impl::publish(const RegistrationSession::Outcome& outcome) {
+  const auto view = boost::make_shared<const RegisteredView>(
+      toRos(outcome, options_.map_frame, options_.base_frame));
+  views_.publish(view);
+  if (!outcome.registered) {
+    ROS_WARN_STREAM("registration: view " << outcome.index << " discarded: " << outcome.reason);
+    return;
+  }
+  geometry_msgs::PoseWithCovarianceStamped pose;
+  pose.header = view->header;
+  pose.pose = view->pose;
+  pose_.publish(pose);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  T_map_odom_ = session_->mapFromOdom();
+}
+
+void RegistrationNode::Impl::write(const RegistrationSession::Outcome& outcome) {
+  if (!folder_ || !outcome.view) return;
+  Status status = folder_->writeView(*outcome.view);
+  if (status) status = session_->writeTrajectory(*folder_);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  message_ = status ? "" : status.message();
+}
+
+void RegistrationNode::Impl::publishMap(bool all) {
+  path_.publish(toRos(session_->trajectory(), options_.map_frame));
+  groups_.publish(session_->groups(options_.map_frame));
+  group_markers_.publish(session_->groupMarker(options_.map_frame));
+  const SteadyClock::time_point now = SteadyClock::now();
+  const std::chrono::duration<double> since = now - preview_at_;
+  if (!all && since.count() < 1.0 / options_.preview_rate_hz) return;
+  if (session_->registered() == 0) return;
+  preview_at_ = now;
+  cloud_.publish(
+      toRos(session_->preview(), makeHeader(session_->newestStamp(), options_.map_frame)));
+}
+
+void RegistrationNode::Impl::publishStatus() {
+  RegistrationStatus status;
+  {
+    const std::lock_guard<std::mutex> lock(session_mutex_);
+    status.header = makeHeader(session_->newestStamp(), options_.map_frame);
+    status.views_total = static_cast<std::uint32_t>(session_->total());
+    status.views_registered = static_cast<std::uint32_t>(session_->registered());
+    status.last_trial = static_cast<std::uint8_t>(last_trial_);
+    status.mean_distance = mean_distance_m_;
+    const auto total = session_->trials().total();
+    for (std::size_t i = 0; i < 8; ++i) {
+      status.trials[i] = static_cast<std::uint32_t>(total[i + 1]);
+    }
+  }
+  status.views_discarded = status.views_total - status.views_registered;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  status.state = state_;
+  status.queue_length = static_cast<std::uint32_t>(waiting_.size());
+  status.message = message_;
+  status_.publish(status);
+}
+
+RegistrationNode::RegistrationNode(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
+    : impl_(std::make_unique<Impl>(nh, private_nh)) {}
+RegistrationNode::~RegistrationNode() = default;
+
+}  // namespace scanner::bridge

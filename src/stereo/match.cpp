@@ -1,0 +1,142 @@
+#include "scanner/stereo/match.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "scanner/core/parallel.h"
+#include "stereo/refine.h"
+#include "stereo/search.h"
+#include "stereo/validate.h"
+
+namespace scanner::stereo {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+/// Uniform error of a whole-pixel disparity.
+constexpr double kWholePixelSigma = 0.2886751345948129;
+/// Typical error of the cost parabola: 1/16 px steps and the bias towards whole pixels.
+constexpr double kParabolaSigma = 0.15;
+
+void requireImages(const RectifiedPair& pair) {
+  const cv::Size size = pair.left_gray.size();
+  const auto mask_ok = [&](const cv::Mat& mask) {
+    return mask.empty() || (mask.type() == CV_8UC1 && mask.size() == size);
+  };
+  if (pair.left_gray.empty() || pair.left_gray.type() != CV_8UC1 ||
+      pair.right_gray.type() != CV_8UC1 || pair.right_gray.size() != size ||
+      !mask_ok(pair.left_valid) || !mask_ok(pair.right_valid)) {
+    throw std::invalid_argument("match: needs two CV_8UC1 images of equal size");
+  }
+}
+
+void requireFit(const MatcherOptions& options, const cv::Size& size) {
+  const int window = options.method == MatchMethod::kBlock
+                         ? std::max(options.block.window_px, options.block.edge_mask_px)
+                         : options.semi_global.window_px;
+  if (window >= std::min(size.width, size.height)) {
+    throw ConfigurationError("stereo.matcher: a window of " + std::to_string(window) +
+                             " px does not fit into an image of " + std::to_string(size.width) +
+                             "x" + std::to_string(size.height));
+  }
+  if (options.max_disparity_px < size.width) return;
+  throw ConfigurationError(
+      "stereo.matcher.max_disparity_px = " + std::to_string(options.max_disparity_px) +
+      " must be below the image's width " + std::to_string(size.width));
+}
+
+cv::Mat lowPassed(const cv::Mat& image) {
+  cv::Mat out;
+  cv::GaussianBlur(image, out, cv::Size(3, 3), 0.0);  // the 3x3 binomial
+  return out;
+}
+
+cv::Mat refinementImage(const cv::Mat& gray, double sigma_px) {
+  cv::Mat out;
+  gray.convertTo(out, CV_32F);
+  if (sigma_px <= 0.0) return out;
+  const int size = 2 * static_cast<int>(std::ceil(3.0 * sigma_px)) + 1;
+  cv::GaussianBlur(out, out, cv::Size(size, size), sigma_px);
+  return out;
+}
+
+void roundToPixels(cv::Mat& disparity) {
+  for (int y = 0; y < disparity.rows; ++y) {
+    float* row = disparity.ptr<float>(y);
+    for (int x = 0; x < disparity.cols; ++x) row[x] = std::round(row[x]);
+  }
+}
+
+/// The fraction of a pixel and its standard deviation. Returns the number of pixels given up.
+std::size_t refine(const RectifiedPair& pair, const MatcherOptions& options, int threads,
+                   cv::Mat& disparity, cv::Mat& sigma) {
+  const RefinementOptions& r = options.refinement;
+  if (r.subpixel_refinement == SubpixelRefinement::kGradient) {
+    const double share = options.validation.residual ? options.validation.max_residual_share
+                                                     : std::numeric_limits<double>::infinity();
+    return refineByGradient(refinementImage(pair.left_gray, r.prefilter_sigma_px),
+                            refinementImage(pair.right_gray, r.prefilter_sigma_px),
+                            pair.right_valid, r, share, threads, disparity, sigma);
+  }
+  const bool whole = r.subpixel_refinement == SubpixelRefinement::kNone;
+  if (whole) roundToPixels(disparity);
+  const double own = whole ? kWholePixelSigma : kParabolaSigma;
+  sigma = cv::Mat(disparity.size(), CV_32FC1, cv::Scalar(std::hypot(own, r.floor_px)));
+  return 0;
+}
+
+}  // namespace
+
+DisparityImage match(const RectifiedPair& pair, const MatcherOptions& options, int threads,
+                     MatchStatistics* statistics) {
+  validate(options);
+  requireImages(pair);
+  requireFit(options, pair.left_gray.size());
+  const ValidationOptions& v = options.validation;
+  const cv::Mat left = options.low_pass ? lowPassed(pair.left_gray) : pair.left_gray;
+  const cv::Mat right = options.low_pass ? lowPassed(pair.right_gray) : pair.right_gray;
+
+  MatchStatistics counts;
+  counts.pixels = pair.left_gray.total();
+  const auto valid = [](const cv::Mat& d) {
+    return static_cast<std::size_t>(cv::countNonZero(d == d));
+  };
+  // The two directions are independent of each other.
+  cv::Mat disparity, backward;
+  parallelFor(v.back_and_forth ? 2 : 1, 1, threads, [&](std::size_t begin, std::size_t) {
+    if (begin == 0) disparity = searchLeft(left, right, options);
+    if (begin == 1) backward = searchRight(left, right, options);
+  });
+  counts.matched = valid(disparity);
+  const int margin = options.method == MatchMethod::kBlock ? options.block.window_px / 2
+                                                           : options.semi_global.window_px / 2;
+  const auto remove_outside = [&] {
+    return removeOutside(options.min_disparity_px, options.max_disparity_px, margin,
+                         pair.left_valid, pair.right_valid, disparity);
+  };
+  counts.outside = remove_outside();
+  if (!backward.empty()) {
+    counts.back_and_forth = removeInconsistent(backward, v.back_and_forth_tolerance_px, disparity);
+  }
+  if (v.surface) {
+    counts.surface = removeSmallSurfaces(v.surface_step_px, v.surface_size_px, disparity);
+  }
+  cv::Mat sigma;
+  counts.refinement = refine(pair, options, threads, disparity, sigma);
+  counts.outside += remove_outside();
+  if (v.precision) counts.precision = removeImprecise(sigma, v.max_sigma_px, disparity);
+  // Again, because the tests since may have cut a surface into pieces.
+  if (v.surface) {
+    counts.surface += removeSmallSurfaces(v.surface_step_px, v.surface_size_px, disparity);
+  }
+  sigma.setTo(kNan, disparity != disparity);
+  counts.valid = valid(disparity);
+  if (statistics != nullptr) *statistics = counts;
+  return {pair.stamp, disparity, sigma, static_cast<double>(options.min_disparity_px),
+          static_cast<double>(options.max_disparity_px)};
+}
+
+}  // namespace scanner::stereo

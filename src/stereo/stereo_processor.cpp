@@ -1,0 +1,106 @@
+#include "scanner/stereo/stereo_processor.h"
+
+#include <chrono>
+#include <cmath>
+#include <string>
+
+#include "scanner/core/se3.h"
+#include "scanner/stereo/normals.h"
+#include "scanner/stereo/triangulate.h"
+
+namespace scanner::stereo {
+namespace {
+
+/// Seconds since the last call.
+class Stopwatch {
+ public:
+  double lap() {
+    const auto now = std::chrono::steady_clock::now();
+    const double seconds = std::chrono::duration<double>(now - last_).count();
+    last_ = now;
+    return seconds;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+void summarize(const OrganizedCloud& organized, const DisparityImage& disparity,
+               StereoStatistics& s) {
+  const PointCloud& cloud = organized.cloud;
+  double sigma_px = 0.0, sigma_m = 0.0;
+  const float* sigmas_px = disparity.sigma_px.ptr<float>();
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    if (std::isnan(cloud.points[i].z())) continue;
+    ++s.points;
+    sigma_px += static_cast<double>(sigmas_px[i]);
+    sigma_m += static_cast<double>(cloud.sigmas[i]);
+    if (!std::isnan(cloud.normals[i].z())) ++s.normals;
+  }
+  if (s.points == 0) return;
+  const auto n = static_cast<double>(s.points);
+  s.density = n / static_cast<double>(cloud.size());
+  s.mean_sigma_px = sigma_px / n;
+  s.mean_sigma_m = sigma_m / n;
+}
+
+}  // namespace
+
+StereoProcessor::StereoProcessor(const StereoCalibration& calibration, const StereoOptions& options,
+                                 int threads)
+    : rectifier_(calibration), options_(options), threads_(threads) {
+  validate(options);
+  if (threads < 1) {
+    throw ConfigurationError("threads = " + std::to_string(threads) + " must be at least 1");
+  }
+  if (options.matcher.max_disparity_px >= calibration.left.width) {
+    throw ConfigurationError(
+        "stereo.matcher.max_disparity_px = " + std::to_string(options.matcher.max_disparity_px) +
+        " must be below the image's width " + std::to_string(calibration.left.width));
+  }
+}
+
+Result<StereoProcessor::Output> StereoProcessor::process(const StereoFrame& frame) const {
+  Stopwatch watch;
+  Result<RectifiedPair> rectified = rectifier_.rectify(frame);
+  if (!rectified) return rectified.status();
+  Output out;
+  StereoStatistics& s = out.statistics;
+  out.rectified = std::move(rectified).value();
+  s.rectify_s = watch.lap();
+  out.disparity = match(out.rectified, options_.matcher, threads_, &s.match);
+  s.match_s = watch.lap();
+  out.cloud = triangulate(out.disparity, out.rectified.left_color, calibration(), options_.depth);
+  s.triangulate_s = watch.lap();
+  estimateNormals(out.cloud, options_.normals, threads_);
+  s.normals_s = watch.lap();
+  summarize(out.cloud, out.disparity, s);
+  return out;
+}
+
+Result<View> makeView(int index, const OrganizedCloud& cloud,
+                      const Eigen::Isometry3d& T_base_optical,
+                      const Eigen::Isometry3d& T_world_base, const ConditioningOptions& options,
+                      ConditioningStatistics* statistics) {
+  if (!isFinite(T_base_optical) || !isFinite(T_world_base)) {
+    return Status(StatusCode::kInvalidInput,
+                  "view " + std::to_string(index) + ": pose of the camera is not finite");
+  }
+  View view;
+  view.index = index;
+  view.stamp = cloud.stamp;
+  view.cloud = transformed(finitePoints(cloud.cloud, true), T_base_optical);
+  const Conditioned conditioned = condition(transformed(view.cloud, T_world_base), options);
+  if (statistics != nullptr) *statistics = conditioned.statistics;
+  if (conditioned.kept.size() < static_cast<std::size_t>(options.min_points)) {
+    return Status(StatusCode::kNotEnoughData,
+                  "view " + std::to_string(index) + ": " + std::to_string(conditioned.kept.size()) +
+                      " of " + std::to_string(conditioned.statistics.points) +
+                      " points remain, stereo.conditioning.min_points is " +
+                      std::to_string(options.min_points));
+  }
+  view.cloud = subset(view.cloud, conditioned.kept);
+  return view;
+}
+
+}  // namespace scanner::stereo
