@@ -55,7 +55,7 @@ std::size_t editDistance(const std::string& a, const std::string& b) {
 /// Reads values out of a tree; complains with the full key.
 class Loader : public OptionVisitor {
  public:
-  Loader(const ParameterTree& tree, std::string path) { open(tree, std::move(path)); }
+  Loader(const ParameterTree& tree, const std::string& path) { open(tree, path); }
   ~Loader() override = default;
 
   void option(const char* name, bool& value, const char*) override {

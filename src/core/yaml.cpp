@@ -8,7 +8,7 @@ namespace scanner {
 namespace {
 
 ParameterTree scalarToTree(const YAML::Node& node) {
-  const std::string text = node.Scalar();
+  const std::string& text = node.Scalar();
   if (node.Tag() == "!") return text;  // quoted: a text, whatever it looks like
   std::int64_t whole = 0;
   double number = 0.0;

@@ -50,8 +50,9 @@ std::string summary(const ScanReport& report) {
   } else {
     addLine(out, "model      none");
   }
-  addLine(out, "time       stereo %.1f, inertial %.1f, registration %.1f, global %.1f, surface %.1f,"
-               " total %.1f s; peak memory %.0f MB",
+  addLine(out,
+          "time       stereo %.1f, inertial %.1f, registration %.1f, global %.1f, surface %.1f,"
+          " total %.1f s; peak memory %.0f MB",
           report.time_s.stereo, report.time_s.inertial, report.time_s.registration,
           report.time_s.global, report.time_s.surface, report.time_s.total, report.peak_memory_mb);
   for (const auto& [reason, count] : report.skipped) {
@@ -59,7 +60,8 @@ std::string summary(const ScanReport& report) {
   }
   for (const std::string& warning : report.warnings) out += "warning    " + warning + "\n";
   for (const ReportView& view : report.views) {
-    if (!view.registered) out += "discarded  view " + std::to_string(view.index) + ": " + view.reason + "\n";
+    if (!view.registered)
+      out += "discarded  view " + std::to_string(view.index) + ": " + view.reason + "\n";
   }
   return out;
 }

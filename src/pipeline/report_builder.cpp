@@ -78,8 +78,8 @@ void addTruth(const ReportInput& input, ScanReport& report) {
 void addModel(const ReportInput& input, ScanReport& report) {
   const surface::MeshStatistics& model = input.surface.model;
   if (model.faces == 0) return;
-  report.model = evaluation::ReportModel{model.vertices,       model.faces,
-                                         model.components,     model.boundary_edges,
+  report.model = evaluation::ReportModel{model.vertices,           model.faces,
+                                         model.components,         model.boundary_edges,
                                          model.non_manifold_edges, model.mean_spacing_m};
 }
 
@@ -117,8 +117,9 @@ ScanReport buildReport(const ReportInput& input) {
     report.loop.residual_deg = input.global.loop.residual_deg;
   }
   const StageTimes& t = input.times;
-  report.time_s = {t.stereo, t.inertial, t.registration, t.global, t.surface,
-                   t.stereo + t.inertial + t.registration + t.global + t.surface};
+  report.time_s = {t.stereo,       t.inertial,
+                   t.registration, t.global,
+                   t.surface,      t.stereo + t.inertial + t.registration + t.global + t.surface};
   report.peak_memory_mb = peakMemoryMb();
   return report;
 }

@@ -14,9 +14,7 @@ using SteadyClock = std::chrono::steady_clock;
 class StageTimer {
  public:
   explicit StageTimer(double& account) : account_(account), start_(SteadyClock::now()) {}
-  ~StageTimer() {
-    account_ += std::chrono::duration<double>(SteadyClock::now() - start_).count();
-  }
+  ~StageTimer() { account_ += std::chrono::duration<double>(SteadyClock::now() - start_).count(); }
   StageTimer(const StageTimer&) = delete;
   StageTimer& operator=(const StageTimer&) = delete;
 
@@ -129,7 +127,8 @@ Status Scanner::registerView(View view, const inertial::OdometryState& state,
   return folder_ != nullptr ? folder_->writeTrajectory(trajectory()) : Status::ok();
 }
 
-Eigen::Isometry3d Scanner::motionSincePreviousView(int index, const inertial::OdometryState& state) {
+Eigen::Isometry3d Scanner::motionSincePreviousView(int index,
+                                                   const inertial::OdometryState& state) {
   if (!previous_) {
     registrar_.setFirstPose(state.T_odom_base);
     return Eigen::Isometry3d::Identity();
@@ -139,8 +138,7 @@ Eigen::Isometry3d Scanner::motionSincePreviousView(int index, const inertial::Od
   if (prior) return *prior;
   // Samples are missing in between: the orientations still tell the rotation.
   warnings_.push_back("frame " + std::to_string(index) +
-                      ": the prior is a rotation only: " +
-                      prior.status().message());
+                      ": the prior is a rotation only: " + prior.status().message());
   Eigen::Isometry3d rotation = Eigen::Isometry3d::Identity();
   rotation.linear() = previous_->T_odom_base.linear().transpose() * state.T_odom_base.linear();
   return rotation;
@@ -166,8 +164,8 @@ Result<evaluation::ScanReport> Scanner::finish(const std::optional<Trajectory>& 
     warnings_.push_back("no model: " + status.message());
   }
   if (const Status status = writeResults(); !status) return status;
-  const ReportInput input{registrar_, inertial_, *global_,           frames_,
-                          times_,     truth,     surface_statistics_, warnings_};
+  const ReportInput input{registrar_, inertial_,           *global_, frames_, times_,
+                          truth,      surface_statistics_, warnings_};
   evaluation::ScanReport report = buildReport(input);
   if (folder_ != nullptr) {
     const Status status = folder_->writeText("report.json", evaluation::toJson(report));

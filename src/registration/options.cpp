@@ -90,6 +90,8 @@ void describe(OptionVisitor& v, TrialOptions& o) {
   v.option("translational", o.translational, "Steps 1, 3 and 5: translational ICP");
   v.option("median_starts", o.median_starts, "Steps 3 to 6: start with the medians on each other");
   v.option("resample", o.resample, "Step 7: repeat without the crowded normal buckets");
+  v.option("carry_over", o.carry_over,
+           "Steps 2, 4 and 6 go on from where the step before them ended, not from its start");
   v.option("refine_translational", o.refine_translational,
            "Follow a success of translational ICP by full ICP");
 }

@@ -61,7 +61,7 @@ class Trials {
   }
 
   // Step `first` (translational) and the next (full) from one start.
-  bool pair(const Moving& moving, const Eigen::Isometry3d& T_start, int first) {
+  bool pair(const Moving& moving, Eigen::Isometry3d T_start, int first) {
     if (options_.trials.translational) {
       IcpResult result = once(moving, T_start, Variant::kTranslational);
       if (result.accepted) {
@@ -72,6 +72,7 @@ class Trials {
         return succeed(result, first);
       }
       remember(result);
+      if (options_.trials.carry_over && result.inliers > 0) T_start = result.T_ref_mov;
     }
     const IcpResult result = once(moving, T_start, Variant::kFull);
     if (result.accepted) return succeed(result, first + 1);

@@ -15,7 +15,8 @@ int main(int argc, char** argv) {
   CLI::App app("Writes an ASL/EuRoC folder (mav0) as a recording (rosbag).", "import_euroc");
   app.add_option("DIR", directory, "mav0, or the folder that holds it")->required();
   app.add_option("--out", bag, "recording to write")->required();
-  app.add_option("--margin", options.margin_s, "seconds of samples and truth kept beyond the images")
+  app.add_option("--margin", options.margin_s,
+                 "seconds of samples and truth kept beyond the images")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   app.add_flag("--whole", whole, "keep all samples and all truth");

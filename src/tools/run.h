@@ -10,7 +10,8 @@ namespace scanner::tools {
 /// Exit codes of every command.
 enum ExitCode { kOk = 0, kFailed = 1, kUsage = 2 };
 
-/// Parses the command line and runs `body`: usage errors give 2, exceptions one line on stderr and 1.
+/// Parses the command line and runs `body`: usage errors give 2, exceptions one line on stderr
+/// and 1.
 inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>& body) {
   try {
     app.parse(argc, argv);

@@ -33,6 +33,7 @@ int main(int argc, char** argv) {
         },
         interrupted);
     std::fputs(scanner::evaluation::summary(report).c_str(), stdout);
-    return scanner::evaluation::registeredViews(report) > 0 ? scanner::tools::kOk : scanner::tools::kFailed;
+    return scanner::evaluation::registeredViews(report) > 0 ? scanner::tools::kOk
+                                                            : scanner::tools::kFailed;
   });
 }

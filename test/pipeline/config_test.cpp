@@ -13,8 +13,7 @@ namespace {
 
 TEST(Config, EveryShippedConfigurationLoads) {
   int count = 0;
-  for (const auto& entry :
-       std::filesystem::directory_iterator(SCANNER_SOURCE_DIR "/config")) {
+  for (const auto& entry : std::filesystem::directory_iterator(SCANNER_SOURCE_DIR "/config")) {
     if (entry.path().extension() != ".yaml") continue;
     EXPECT_NO_THROW(loadConfig(entry.path().string())) << entry.path();
     ++count;
@@ -54,8 +53,8 @@ TEST(Config, ErrorsNameFileKeyValueAndBound) {
 
 TEST(Config, DocumentationHasEveryBlock) {
   const std::string text = documentConfiguration();
-  for (const char* block : {"## `scan`", "## `stereo`", "## `inertial`", "## `registration`",
-                            "## `surface`"}) {
+  for (const char* block :
+       {"## `scan`", "## `stereo`", "## `inertial`", "## `registration`", "## `surface`"}) {
     EXPECT_NE(text.find(block), std::string::npos) << block;
   }
 }

@@ -83,7 +83,8 @@ TEST(Scanner, ScansTheSyntheticOrbit) {
         std::abs(test::SyntheticRig::surfaceDistance(T_truth_map * p.cast<double>())));
   }
   ASSERT_GT(distances.size(), 1000U);
-  std::nth_element(distances.begin(), distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2),
+  std::nth_element(distances.begin(),
+                   distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2),
                    distances.end());
   EXPECT_LT(distances[distances.size() / 2], 0.003);
 }

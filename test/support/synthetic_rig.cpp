@@ -72,7 +72,8 @@ SyntheticRig::SyntheticRig() {
   // The published extrinsic (thesis eq. 5.1): the camera looks along the sensor's x axis.
   Eigen::Matrix3d R;
   R << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  rig_.T_base_camera = makePose({0.05, 0.06, -0.06}, Eigen::Quaterniond(R) * expSo3({0.02, 0.03, 0}));
+  rig_.T_base_camera =
+      makePose({0.05, 0.06, -0.06}, Eigen::Quaterniond(R) * expSo3({0.02, 0.03, 0}));
 }
 
 Time SyntheticRig::stamp(double seconds) {

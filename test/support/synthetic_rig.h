@@ -11,8 +11,8 @@ namespace scanner::test {
 
 /// A small rig with exact truth for pipeline tests: a bumpy ball of 0.4 m with a solid texture at
 /// the origin of the map, seen from an orbit of 0.7 m radius in the plane z = 0, starting from rest
-/// and speeding up smoothly. Base and left camera are turned against each other. Images are ray-cast
-/// without noise, already rectified.
+/// and speeding up smoothly. Base and left camera are turned against each other. Images are
+/// ray-cast without noise, already rectified.
 class SyntheticRig {
  public:
   SyntheticRig();

@@ -12,9 +12,9 @@ namespace scanner::pipeline {
 
 /// Block `scan`: what the pipeline itself decides.
 struct ScanOptions {
-  int model_factor = 1;     ///< every n-th point of a view goes into the model
-  int seed = 1;             ///< of every random choice
-  bool write_views = true;  ///< views/view_NNN.ply as the scan goes
+  int model_factor = 1;      ///< every n-th point of a view goes into the model
+  int seed = 1;              ///< of every random choice
+  bool write_views = true;   ///< views/view_NNN.ply as the scan goes
   bool write_groups = true;  ///< groups/group_NNN.ply at the end
 };
 void describe(OptionVisitor& v, ScanOptions& o);

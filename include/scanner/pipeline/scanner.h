@@ -36,16 +36,16 @@ struct FrameOutcome {
   int index = -1;  ///< of the stereo frame, from 0
   Time stamp;
   bool registered = false;
-  std::string reason;         ///< why it was discarded; empty when registered
+  std::string reason;            ///< why it was discarded; empty when registered
   std::size_t depth_pixels = 0;  ///< with a valid disparity
   std::size_t points = 0;        ///< left after conditioning
-  int trial = 0;                 ///< step of the trial state machine that succeeded, 0 for the first
+  int trial = 0;  ///< step of the trial state machine that succeeded, 0 for the first
 };
 
-/// The whole pipeline on a stream of frames and inertial samples, without ROS (docs/architecture.md,
-/// "the frame's way"). Feed everything in the order of its stamps: inertial samples may run ahead of
-/// the frames, and a frame waits until the samples have passed its stamp. Same input, same result,
-/// for every thread count. Not thread-safe.
+/// The whole pipeline on a stream of frames and inertial samples, without ROS
+/// (docs/architecture.md, "the frame's way"). Feed everything in the order of its stamps: inertial
+/// samples may run ahead of the frames, and a frame waits until the samples have passed its stamp.
+/// Same input, same result, for every thread count. Not thread-safe.
 class Scanner {
  public:
   /// `folder` may be null: nothing is written. Throws ConfigurationError for a calibration or

@@ -57,9 +57,12 @@ struct IcpOptions {
 };
 
 struct TrialOptions {
-  bool translational = true;          ///< steps 1, 3 and 5
-  bool median_starts = true;          ///< steps 3 to 6
-  bool resample = true;               ///< step 7
+  bool translational = true;  ///< steps 1, 3 and 5
+  bool median_starts = true;  ///< steps 3 to 6
+  bool resample = true;       ///< step 7
+  /// Thesis 4.6 discards the changes of earlier steps in step 7 only, so that within a pair of
+  /// steps full ICP goes on from the translational result; the digest's table starts both alike.
+  bool carry_over = false;
   bool refine_translational = false;  ///< follow a translational success by full ICP
 };
 

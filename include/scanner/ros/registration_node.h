@@ -9,7 +9,10 @@ namespace scanner::bridge {
 /// Puts the stereo clouds together into one map.
 ///
 /// Subscribes (relative to the node's namespace)
-///   stereo/points, odometry        a cloud waits until the odometry has passed its stamp
+///   stereo/points                  a cloud waits until the inertial samples have passed its stamp
+///   mti/imu/data                   for the priors, in step with the clouds: what a replay gives does
+///                                  not depend on how fast the machine is, and equals scan_bag's
+///   odometry                       for tf map -> odom only
 ///   bumblebee/left/camera_info     only its stamps: which clouds are still to come
 /// Publishes, in map
 ///   registration/pose     PoseWithCovarianceStamped of base_link, for every registered view, at its
