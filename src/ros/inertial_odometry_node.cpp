@@ -10,10 +10,10 @@
 #include <deque>
 
 #include "ros/diagnostics.h"
+#include "ros/imu_frame.h"
 #include "scanner/ros/conversions.h"
 #include "scanner/ros/odometry_buffer.h"
 #include "scanner/ros/parameters.h"
-#include "scanner/ros/static_transforms.h"
 
 namespace scanner::bridge {
 namespace {
@@ -41,7 +41,6 @@ class InertialOdometryNode::Impl {
   void onImu(const sensor_msgs::ImuConstPtr& message);
   void onPose(const geometry_msgs::PoseWithCovarianceStampedConstPtr& message);
   bool onReset(std_srvs::Trigger::Request& request, std_srvs::Trigger::Response& response);
-  ImuSample inBase(const ImuSample& sample, const std::string& frame);
   void publishReady();
   void publish(const inertial::OdometryState& state, const ImuSample& sample);
   void report(DiagnosticStatus& status);
@@ -77,32 +76,22 @@ InertialOdometryNode::Impl::Impl(const ros::NodeHandle& nh, const ros::NodeHandl
                        ros::TransportHints().tcpNoDelay());
 }
 
-ImuSample InertialOdometryNode::Impl::inBase(const ImuSample& sample, const std::string& frame) {
-  if (frame.empty() || frame == options_.base_frame) return sample;
-  const std::string base = options_.base_frame;
-  if (!tf_.canTransform(base, frame, ros::Time(0))) return sample;
-  const Result<Eigen::Isometry3d> T_base_imu =
-      fromRos(tf_.lookupTransform(base, frame, ros::Time(0)).transform);
-  return T_base_imu ? turned(sample, Eigen::Quaterniond(T_base_imu->linear())) : sample;
-}
-
 void InertialOdometryNode::Impl::onImu(const sensor_msgs::ImuConstPtr& message) {
   ++received_;
-  const Result<ImuSample> sample = fromRos(*message);
+  const Result<ImuSample> sample = imuInBase(*message, tf_, options_.base_frame);
   if (!sample) {
     ++refused_;
     trouble_ = sample.status().message();
     ROS_WARN_STREAM_THROTTLE(kLogPeriod_s, "inertial: sample skipped: " << trouble_);
     return;
   }
-  const ImuSample in_base = inBase(*sample, frameName(message->header.frame_id));
-  const Status status = odometry_->add(in_base);
+  const Status status = odometry_->add(*sample);
   if (!status) {
     trouble_ = status.message();
     ROS_WARN_STREAM_THROTTLE(kLogPeriod_s, "inertial: " << trouble_);
   }
   if (status.code() == StatusCode::kInvalidInput) return;  // skipped; behind a gap it is used
-  waiting_.push_back(in_base);
+  waiting_.push_back(*sample);
   publishReady();
 }
 

@@ -1,6 +1,7 @@
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <ros/console.h>
 
+#include "ros/imu_frame.h"
 #include "ros/registration_node_impl.h"
 #include "scanner/core/camera.h"
 #include "scanner/ros/parameters.h"
@@ -52,6 +53,7 @@ RegistrationNode::Impl::Impl(ros::NodeHandle nh, const ros::NodeHandle& private_
 
 RegistrationNode::Impl::~Impl() {
   points_sub_.shutdown();
+  imu_sub_.shutdown();
   odometry_sub_.shutdown();
   info_sub_.shutdown();
   map_timer_.stop();
@@ -101,6 +103,7 @@ void RegistrationNode::Impl::advertise(const ros::NodeHandle& private_nh) {
 void RegistrationNode::Impl::subscribe() {
   const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
   info_sub_ = nh_.subscribe("bumblebee/left/camera_info", 0, &Impl::onCameraInfo, this, hints);
+  imu_sub_ = nh_.subscribe("mti/imu/data", 0, &Impl::onImu, this, hints);
   odometry_sub_ = nh_.subscribe("odometry", 0, &Impl::onOdometry, this, hints);
   points_sub_ = nh_.subscribe("stereo/points", 0, &Impl::onCloud, this, hints);
 }
@@ -134,21 +137,32 @@ void RegistrationNode::Impl::onCloud(const sensor_msgs::PointCloud2ConstPtr& mes
   wake_.notify_all();
 }
 
+void RegistrationNode::Impl::onImu(const sensor_msgs::ImuConstPtr& message) {
+  const Result<ImuSample> sample = imuInBase(*message, tf_, options_.base_frame);
+  if (!sample) return;  // inertial_odometry_node reports it
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    ++samples_received_;
+    news_ = SteadyClock::now();
+    samples_.push_back(*sample);
+    newest_sample_ = std::max(newest_sample_.value_or(sample->stamp), sample->stamp);
+    // While nothing is scanned only the latest minutes are worth keeping.
+    constexpr double kIdleHistory_s = 300.0;
+    const Time oldest = *newest_sample_ - fromSeconds(kIdleHistory_s);
+    while (toCome() == 0 && !busy_ && samples_.front().stamp < oldest) samples_.pop_front();
+  }
+  wake_.notify_all();
+}
+
 void RegistrationNode::Impl::onOdometry(const nav_msgs::OdometryConstPtr& message) {
   const Result<inertial::OdometryState> state = fromRos(*message);
   if (!state) return;
-  {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    ++odometry_received_;
-    news_ = SteadyClock::now();
-    odometry_->add(*state);
-    // Nothing older than the first cloud that waits will be asked for; stereo lags by seconds at most.
-    constexpr double kHistory_s = 600.0;
-    const Time oldest =
-        waiting_.empty() ? state->stamp : fromRos(waiting_.front()->header.stamp);
-    odometry_->forgetBefore(std::min(oldest, state->stamp) - fromSeconds(kHistory_s));
-  }
-  wake_.notify_all();
+  const std::lock_guard<std::mutex> lock(mutex_);
+  odometry_->add(*state);
+  // Nothing older than the first cloud that waits is asked for; stereo lags by less than this.
+  constexpr double kHistory_s = 600.0;
+  const Time oldest = waiting_.empty() ? state->stamp : fromRos(waiting_.front()->header.stamp);
+  odometry_->forgetBefore(std::min(oldest, state->stamp) - fromSeconds(kHistory_s));
 }
 
 void RegistrationNode::Impl::onMapTimer(const ros::TimerEvent&) {
@@ -173,64 +187,90 @@ Result<Eigen::Isometry3d> RegistrationNode::Impl::cloudPose(const std::string& f
   return fromRos(tf_.lookupTransform(options_.base_frame, frame, ros::Time(0)).transform);
 }
 
-bool RegistrationNode::Impl::ready(std::unique_lock<std::mutex>& lock,
-                                   Result<inertial::OdometryState>& state,
-                                   Result<Eigen::Isometry3d>& T_base_cloud) {
+bool RegistrationNode::Impl::ready(Result<Eigen::Isometry3d>& T_base_cloud) {
   const sensor_msgs::PointCloud2& cloud = *waiting_.front();
-  state = odometry_->at(fromRos(cloud.header.stamp));
   T_base_cloud = cloudPose(frameName(cloud.header.frame_id));
-  const bool later = state.status().code() == StatusCode::kNotEnoughData || !T_base_cloud;
-  waiting_for_ = !later ? "" : !T_base_cloud ? T_base_cloud.status().message()
-                                             : state.status().message();
-  if (!later || give_up_) return true;
-  wake_.wait_for(lock, kRecheck);
-  return false;
+  waiting_for_.clear();
+  if (!newest_sample_ || *newest_sample_ < fromRos(cloud.header.stamp) ||
+      (starved_ && samples_.empty())) {
+    waiting_for_ = "the inertial samples have not reached the cloud";
+  }
+  if (!T_base_cloud) waiting_for_ = T_base_cloud.status().message();
+  return waiting_for_.empty() || give_up_;
+}
+
+std::vector<ImuSample> RegistrationNode::Impl::takeSamples(Time stamp) {
+  // As scan_bag gives them: up to the first one at or after the stamp, and more only when asked for.
+  constexpr std::size_t kExtra = 20;
+  std::size_t n = 0;
+  while (n < samples_.size() && samples_[n].stamp < stamp) ++n;
+  n = std::min(samples_.size(), n + (starved_ ? kExtra : 1));
+  std::vector<ImuSample> taken(samples_.begin(),
+                               samples_.begin() + static_cast<std::ptrdiff_t>(n));
+  samples_.erase(samples_.begin(), samples_.begin() + static_cast<std::ptrdiff_t>(n));
+  return taken;
 }
 
 void RegistrationNode::Impl::work() {
   std::unique_lock<std::mutex> lock(mutex_);
   while (!stopping_) {
-    if (waiting_.empty()) {
-      wake_.wait(lock);
+    Result<Eigen::Isometry3d> T_base_cloud = Status(StatusCode::kNotEnoughData, "no transform");
+    if (waiting_.empty() || !ready(T_base_cloud)) {
+      wake_.wait_for(lock, kRecheck);
       continue;
     }
-    Result<inertial::OdometryState> state = Status(StatusCode::kNotEnoughData, "");
-    Result<Eigen::Isometry3d> T_base_cloud = Status(StatusCode::kNotEnoughData, "");
-    if (!ready(lock, state, T_base_cloud)) continue;
     const sensor_msgs::PointCloud2ConstPtr message = waiting_.front();
-    waiting_.pop_front();
+    const std::vector<ImuSample> samples = takeSamples(fromRos(message->header.stamp));
+    const bool last_call = give_up_ && samples_.empty();
     busy_ = true;
     lock.unlock();
-    process(*message, state, T_base_cloud);
+    const bool done = process(*message, samples, T_base_cloud, last_call);
     lock.lock();
     busy_ = false;
+    starved_ = !done;
+    if (!done) continue;
+    waiting_.pop_front();
     news_ = SteadyClock::now();
+    lock.unlock();
+    publishStatus();
+    lock.lock();
     wake_.notify_all();
   }
 }
 
-void RegistrationNode::Impl::process(const sensor_msgs::PointCloud2& message,
-                                     const Result<inertial::OdometryState>& state,
-                                     const Result<Eigen::Isometry3d>& T_base_cloud) {
-  const Result<OrganizedCloud> cloud = fromRos(message);
+bool RegistrationNode::Impl::process(const sensor_msgs::PointCloud2& message,
+                                     const std::vector<ImuSample>& samples,
+                                     const Result<Eigen::Isometry3d>& T_base_cloud,
+                                     bool last_call) {
   const Time stamp = fromRos(message.header.stamp);
-  {
-    const std::lock_guard<std::mutex> lock(session_mutex_);
-    RegistrationSession::Outcome outcome;
-    if (!state || !T_base_cloud || !cloud) {
-      const Status& status = !state ? state.status()
-                                    : (!T_base_cloud ? T_base_cloud.status() : cloud.status());
-      outcome = session_->discard(stamp, status.message());
-    } else {
-      outcome = session_->add(*cloud, *state, *T_base_cloud);
-    }
-    last_trial_ = outcome.trial;
-    mean_distance_m_ = outcome.mean_distance_m;
-    publish(outcome);
-    write(outcome);
-    publishMap(false);
+  const std::lock_guard<std::mutex> lock(session_mutex_);
+  for (const ImuSample& sample : samples) session_->addImu(sample);
+  const Result<inertial::OdometryState> state = session_->predict(stamp);
+  if (state.status().code() == StatusCode::kNotEnoughData && !last_call) return false;
+  const Result<OrganizedCloud> cloud = fromRos(message);
+  RegistrationSession::Outcome outcome;
+  if (!state) {
+    outcome = session_->discard(stamp, "no inertial prior: " + state.status().message());
+  } else if (!T_base_cloud || !cloud) {
+    outcome = session_->discard(
+        stamp, !cloud ? cloud.status().message() : T_base_cloud.status().message());
+  } else {
+    outcome = session_->add(*cloud, *state, *T_base_cloud);
   }
-  publishStatus();
+  last_trial_ = outcome.trial;
+  mean_distance_m_ = outcome.mean_distance_m;
+  publish(outcome);
+  moveMap(outcome);
+  write(outcome);
+  publishMap(false);
+  return true;
+}
+
+void RegistrationNode::Impl::moveMap(const RegistrationSession::Outcome& outcome) {
+  if (!outcome.registered) return;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const Result<inertial::OdometryState> state = odometry_->at(outcome.stamp);
+  if (state) T_map_odom_ = outcome.T_map_base * state->T_odom_base.inverse();
 }
 
 void RegistrationNode::Impl::publish(const RegistrationSession::Outcome& outcome) {
@@ -245,8 +285,6 @@ void RegistrationNode::Impl::publish(const RegistrationSession::Outcome& outcome
   pose.header = view->header;
   pose.pose = view->pose;
   pose_.publish(pose);
-  const std::lock_guard<std::mutex> lock(mutex_);
-  T_map_odom_ = session_->mapFromOdom();
 }
 
 void RegistrationNode::Impl::write(const RegistrationSession::Outcome& outcome) {

@@ -11,9 +11,11 @@
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "ros/diagnostics.h"
 #include "ros/registration_session.h"
@@ -56,17 +58,18 @@ class RegistrationNode::Impl {
   void subscribe();
 
   void onCloud(const sensor_msgs::PointCloud2ConstPtr& message);
+  void onImu(const sensor_msgs::ImuConstPtr& message);
   void onOdometry(const nav_msgs::OdometryConstPtr& message);
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& message);
   void onMapTimer(const ros::TimerEvent& event);
 
   void work();
-  bool ready(std::unique_lock<std::mutex>& lock, Result<inertial::OdometryState>& state,
-             Result<Eigen::Isometry3d>& T_base_cloud);
+  bool ready(Result<Eigen::Isometry3d>& T_base_cloud);
+  std::vector<ImuSample> takeSamples(Time stamp);
   Result<Eigen::Isometry3d> cloudPose(const std::string& frame) const;
-  void process(const sensor_msgs::PointCloud2& message,
-               const Result<inertial::OdometryState>& state,
-               const Result<Eigen::Isometry3d>& T_base_cloud);
+  bool process(const sensor_msgs::PointCloud2& message, const std::vector<ImuSample>& samples,
+               const Result<Eigen::Isometry3d>& T_base_cloud, bool last_call);
+  void moveMap(const RegistrationSession::Outcome& outcome);
   void publish(const RegistrationSession::Outcome& outcome);
   void write(const RegistrationSession::Outcome& outcome);
   void publishMap(bool all);
@@ -91,11 +94,14 @@ class RegistrationNode::Impl {
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::deque<sensor_msgs::PointCloud2ConstPtr> waiting_;
+  std::deque<ImuSample> samples_;  ///< not given to the session yet
+  std::optional<Time> newest_sample_;
   bool busy_ = false, stopping_ = false, give_up_ = false;
+  bool starved_ = false;  ///< the session needs more samples for the first cloud that waits
   std::uint8_t state_ = RegistrationStatus::IDLE;
   std::unique_ptr<OdometryBuffer> odometry_;
   std::set<Time> announced_;  ///< camera_infos whose clouds have not come
-  std::size_t clouds_ = 0, ignored_ = 0, odometry_received_ = 0;
+  std::size_t clouds_ = 0, ignored_ = 0, samples_received_ = 0;
   SteadyClock::time_point news_ = SteadyClock::now();        ///< of anything
   SteadyClock::time_point cloud_news_ = SteadyClock::now();  ///< of pairs that are wanted
   Time finish_at_;  ///< pairs taken after ~finish was called do not count
@@ -115,7 +121,7 @@ class RegistrationNode::Impl {
   tf2_ros::TransformBroadcaster tf_broadcaster_;
   tf2_ros::StaticTransformBroadcaster static_tf_;
   ros::Publisher pose_, path_, views_, groups_, group_markers_, cloud_, status_;
-  ros::Subscriber points_sub_, odometry_sub_, info_sub_;
+  ros::Subscriber points_sub_, imu_sub_, odometry_sub_, info_sub_;
   ros::Timer map_timer_, start_timer_;
   std::unique_ptr<ServiceThread> services_;
   std::unique_ptr<Diagnostics> diagnostics_;

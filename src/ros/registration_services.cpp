@@ -38,7 +38,7 @@ std::size_t RegistrationNode::Impl::waitForClouds() {
     const std::chrono::duration<double> quiet = SteadyClock::now() - news_;
     if (busy_ || toCome() == 0 || quiet.count() < options_.finish_timeout_s) continue;
     if (waiting_.empty()) break;  // announced, but never came
-    give_up_ = true;              // odometry or tf is missing: the clouds are discarded with that reason
+    give_up_ = true;              // samples or tf are missing: the clouds are discarded with that reason
     wake_.notify_all();
   }
   give_up_ = false;
@@ -52,7 +52,8 @@ std::pair<bool, std::string> RegistrationNode::Impl::finish() {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (state_ == RegistrationStatus::FINISHING) return {false, "already finishing"};
     state_ = RegistrationStatus::FINISHING;
-    finish_at_ = fromRos(ros::Time::now());
+    // A player's clock may lag behind what it plays.
+    finish_at_ = std::max(fromRos(ros::Time::now()), newest_sample_.value_or(Time()));
     cloud_news_ = SteadyClock::now();
     message_ = "working off the queue";
   }
@@ -116,8 +117,8 @@ void RegistrationNode::Impl::report(DiagnosticStatus& status) {
   status.summary(kDiagnosticOk, "working");
   if (registered < total) status.mergeSummary(kDiagnosticWarn, "views were discarded");
   if (!waiting_for_.empty()) status.summary(kDiagnosticWarn, "waiting: " + waiting_for_);
-  if (odometry_received_ == 0) {
-    status.summary(kDiagnosticError, "no odometry on " + odometry_sub_.getTopic());
+  if (samples_received_ == 0) {
+    status.summary(kDiagnosticError, "no samples on " + imu_sub_.getTopic());
   }
   if (clouds_ == 0) status.summary(kDiagnosticError, "no clouds on " + points_sub_.getTopic());
   if (!message_.empty() && state_ == RegistrationStatus::SCANNING) {
@@ -128,6 +129,7 @@ void RegistrationNode::Impl::report(DiagnosticStatus& status) {
   status.add("clouds received", clouds_);
   status.add("clouds ignored while idle", ignored_);
   status.add("queue length", waiting_.size());
+  status.add("inertial samples received", samples_received_);
   status.add("pairs still in stereo", announced_.size());
 }
 

@@ -54,7 +54,12 @@ RegistrationSession::RegistrationSession(const pipeline::ScannerConfig& config, 
                                          double preview_voxel_m)
     : config_(config),
       preview_voxel_m_(preview_voxel_m),
-      registrar_(config.registration, threads, static_cast<std::uint64_t>(config.scan.seed)) {}
+      registrar_(config.registration, threads, static_cast<std::uint64_t>(config.scan.seed)),
+      inertial_(config.inertial) {}
+
+void RegistrationSession::addImu(const ImuSample& sample) {
+  inertial_.add(sample);  // what it skips is in its statistics, and in /odometry's diagnostics
+}
 
 RegistrationSession::Outcome RegistrationSession::discard(Time stamp, const std::string& reason) {
   Outcome outcome;
@@ -81,12 +86,7 @@ RegistrationSession::Outcome RegistrationSession::add(const OrganizedCloud& clou
 
 RegistrationSession::Outcome RegistrationSession::place(std::shared_ptr<const View> view,
                                                         const inertial::OdometryState& state) {
-  Eigen::Isometry3d T_previous_current = Eigen::Isometry3d::Identity();
-  if (previous_) {
-    T_previous_current = inertial::relativePrior(*previous_, state, config_.inertial);
-  } else {
-    registrar_.setFirstPose(state.T_odom_base);
-  }
+  const Eigen::Isometry3d T_previous_current = motionSincePreviousView(state);
   const registration::ViewOutcome result = registrar_.add(view, T_previous_current);
   previous_ = state;
   thinned_.push_back(thinnedByVoxel(view->cloud, preview_voxel_m_));
@@ -100,17 +100,32 @@ RegistrationSession::Outcome RegistrationSession::place(std::shared_ptr<const Vi
   outcome.mean_distance_m = result.mean_distance_m;
   if (result.registered) {
     outcome.T_map_base = result.T_map_base;
-    T_map_odom_ = result.T_map_base * state.T_odom_base.inverse();
+    inertial_.correct(outcome.stamp, result.T_map_base);
+    T_map_state_ = result.T_map_base * state.T_odom_base.inverse();
     if (result.trial > 0) {
       const Eigen::Matrix<double, 6, 6> covariance = result.information.inverse();
       outcome.position_sigma_m = sigmaOf(covariance.topLeftCorner<3, 3>());
       outcome.rotation_sigma_rad = sigmaOf(covariance.bottomRightCorner<3, 3>());
     }
   } else {
-    outcome.T_map_base = T_map_odom_ * state.T_odom_base;
+    outcome.T_map_base = T_map_state_ * state.T_odom_base;
     outcome.reason = result.status.message();
   }
   return outcome;
+}
+
+Eigen::Isometry3d RegistrationSession::motionSincePreviousView(
+    const inertial::OdometryState& state) {
+  if (!previous_) {
+    registrar_.setFirstPose(state.T_odom_base);
+    return Eigen::Isometry3d::Identity();
+  }
+  const Result<Eigen::Isometry3d> prior = inertial_.prior(previous_->stamp, state.stamp);
+  if (prior) return *prior;
+  // Samples are missing in between: the orientations still tell the rotation.
+  Eigen::Isometry3d rotation = Eigen::Isometry3d::Identity();
+  rotation.linear() = previous_->T_odom_base.linear().transpose() * state.T_odom_base.linear();
+  return rotation;
 }
 
 registration::GlobalOutcome RegistrationSession::finish() { return registrar_.finish(); }

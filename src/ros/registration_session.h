@@ -17,7 +17,11 @@
 
 namespace scanner::bridge {
 
-/// What the registration node does with clouds, without topics and threads. Not thread-safe.
+/// What the registration node does with samples and clouds, without topics and threads: the same
+/// steps in the same order as pipeline::Scanner, so that a replay gives what scan_bag gives. The prior
+/// of a view needs the pose of the view before as a correction, so the samples are integrated here,
+/// in step with the clouds, and not taken from /odometry, which would depend on who is faster. Not
+/// thread-safe.
 class RegistrationSession {
  public:
   struct Outcome {
@@ -37,7 +41,11 @@ class RegistrationSession {
   /// `config` without its surface block. Throws ConfigurationError for options out of bounds.
   RegistrationSession(const pipeline::ScannerConfig& config, int threads, double preview_voxel_m);
 
-  /// One stereo cloud with the odometry at its stamp; `T_base_optical` is the pose of the cloud's frame.
+  /// Samples in base_link, in order of time; those that cannot be used are skipped and counted.
+  void addImu(const ImuSample& sample);
+  /// The state that a cloud of this stamp needs. kNotEnoughData: with more samples it will be known.
+  Result<inertial::OdometryState> predict(Time stamp) const { return inertial_.predict(stamp); }
+  /// One stereo cloud with the state at its stamp; `T_base_optical` is the pose of the cloud's frame.
   Outcome add(const OrganizedCloud& cloud, const inertial::OdometryState& state,
               const Eigen::Isometry3d& T_base_optical);
   /// A cloud that cannot be used; counted as a view that was discarded.
@@ -49,8 +57,6 @@ class RegistrationSession {
   std::size_t registered() const;
   const registration::TrialStatistics& trials() const { return registrar_.trials(); }
   Trajectory trajectory() const;
-  /// Newest registered view's pose against the odometry; identity before.
-  const Eigen::Isometry3d& mapFromOdom() const { return T_map_odom_; }
   Time newestStamp() const { return newest_; }
 
   GroupArray groups(const std::string& frame) const;
@@ -65,12 +71,14 @@ class RegistrationSession {
  private:
   PointCloud merged(const registration::Group& group) const;
   Outcome place(std::shared_ptr<const View> view, const inertial::OdometryState& state);
+  Eigen::Isometry3d motionSincePreviousView(const inertial::OdometryState& state);
 
   pipeline::ScannerConfig config_;
   double preview_voxel_m_;
   registration::Registrar registrar_;
+  inertial::InertialOdometry inertial_;
   std::optional<inertial::OdometryState> previous_;  ///< at the view added last
-  Eigen::Isometry3d T_map_odom_ = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d T_map_state_ = Eigen::Isometry3d::Identity();  ///< newest pose against inertial_
   std::vector<PointCloud> thinned_;  ///< of each of the registrar's views, in base_link
   std::size_t total_ = 0;
   Time newest_;

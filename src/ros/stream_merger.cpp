@@ -98,13 +98,14 @@ bool StreamMerger::advance(Time stamp) {
 bool StreamMerger::deliverImu() {
   const ImuSample sample = samples_.front();
   samples_.pop_front();
+  newest_sample_ = sample.stamp;
   return !handlers_.imu || handlers_.imu(sample);
 }
 
 bool StreamMerger::release(Time horizon) {
   while (!frames_.empty() && frames_.begin()->first <= horizon) {
     const Time stamp = frames_.begin()->first;
-    bool reached = false;
+    bool reached = newest_sample_ && *newest_sample_ >= stamp;
     while (!reached && !samples_.empty()) {
       reached = samples_.front().stamp >= stamp;
       if (!deliverImu()) return false;

@@ -58,6 +58,7 @@ class StreamMerger {
   std::optional<Time> newest_left_, newest_right_, newest_;
   std::map<Time, StereoFrame> frames_;  ///< waiting for the horizon
   std::deque<ImuSample> samples_;
+  std::optional<Time> newest_sample_;  ///< delivered
   std::size_t delivered_ = 0;
   std::vector<Time> unpaired_left_, unpaired_right_;
 };

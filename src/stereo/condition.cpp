@@ -51,8 +51,12 @@ std::optional<Ground> findGround(const std::vector<double>& z, const Conditionin
   const auto candidate = std::find_if(counts.begin(), counts.end(),
                                       [&](double count) { return count > threshold; });  // eq. 4.4
   if (candidate == counts.end()) return std::nullopt;
-  const auto index = static_cast<double>(candidate - counts.begin());
-  return Ground{bottom + (index + 0.5) * resolution, resolution};
+  const auto first = static_cast<double>(candidate - counts.begin());
+  if (!o.ground_spans_bins) return Ground{bottom + (first + 0.5) * resolution, resolution};
+  const auto end =
+      std::find_if(candidate, counts.end(), [&](double count) { return !(count > threshold); });
+  const auto width = static_cast<double>(end - candidate);
+  return Ground{bottom + (first + 0.5 * width) * resolution, (0.5 * width + 0.5) * resolution};
 }
 
 /// Eq. 4.6 for one axis.

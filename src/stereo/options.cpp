@@ -130,6 +130,8 @@ void describe(OptionVisitor& v, ConditioningOptions& o) {
            "bin of the histogram of heights; the ground is dropped within plus and minus this");
   v.option("ground_sigmas", o.ground_sigmas, {0.0, 100.0}, "",
            "a bin this many standard deviations above the median count may be the ground");
+  v.option("ground_spans_bins", o.ground_spans_bins,
+           "candidate bins next to the lowest one belong to the ground (eq. 4.4 takes one bin)");
   v.option("ground_max_share", o.ground_max_share, {0.0, 1.0}, "",
            "a level that holds more of the points is the subject, not the ground; 1 is off");
   v.option("remove_outliers", o.remove_outliers, "drop points far from the median in x or y");

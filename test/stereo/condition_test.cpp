@@ -47,6 +47,21 @@ TEST(Condition, TheLowestOfSeveralLevelsIsTheGround) {
   EXPECT_NEAR(result.statistics.ground_height_m, 0.011, 0.015);
 }
 
+TEST(Condition, AGroundOnTheBorderOfTwoBinsGoesAltogether) {
+  // Heights start at -0.016, so that a border of bins lies within the ground's 20 mm.
+  PointCloud cloud = box(6000, 0.03, 0.75, 1);
+  cloud.append(box(8000, -0.016, 0.010, 2));
+  const auto ground_left = [&](bool spans_bins) {
+    ConditioningOptions o = groundOnly();
+    o.ground_spans_bins = spans_bins;
+    std::size_t left = 0;
+    for (const std::size_t i : condition(cloud, o).kept) left += i < 6000 ? 0 : 1;
+    return left;
+  };
+  EXPECT_GT(ground_left(false), 500U);  // the published rule
+  EXPECT_EQ(ground_left(true), 0U);
+}
+
 TEST(Condition, AHorizontalSurfaceBeingScannedSurvives) {
   for (const double thickness : {0.0, 0.004, 0.02, 0.05}) {
     const PointCloud cloud = box(4000, 0.3, 0.3 + thickness + 1e-9, 4);

@@ -94,6 +94,10 @@ struct ConditioningOptions {
   bool remove_ground = true;
   double ground_resolution_m = 0.015;
   double ground_sigmas = 2.0;
+  /// Candidate bins that follow the lowest one without a gap are ground too. The published rule
+  /// takes the lowest bin alone, and leaves a slab where the ground falls on the border of two
+  /// bins.
+  bool ground_spans_bins = false;
   double ground_max_share = 0.8;
   bool remove_outliers = true;
   double outlier_sigmas = 2.0;
