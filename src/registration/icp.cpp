@@ -32,6 +32,7 @@ std::vector<double> pairWeights(const std::vector<Correspondence>& pairs,
   std::vector<double> weights(pairs.size(), 1.0);
   if (options.sigma_weights) {
     std::vector<double> sigmas;
+    sigmas.reserve(pairs.size());
     for (const Correspondence& pair : pairs) sigmas.push_back(pair.sigma);
     const double typical = medianOf(sigmas);
     // Between 0 and 2, so that no single pair can take over.
@@ -42,6 +43,7 @@ std::vector<double> pairWeights(const std::vector<Correspondence>& pairs,
   }
   if (options.kernel == RobustKernel::kNone) return weights;
   std::vector<double> sizes;
+  sizes.reserve(residuals.size());
   for (double r : residuals) sizes.push_back(std::abs(r));
   const double width = options.kernel_scale * std::max(1.4826 * medianOf(sizes), 1e-9);
   for (std::size_t i = 0; i < pairs.size(); ++i) {

@@ -34,6 +34,7 @@ struct DirectedPair {
 
 double huberWidth(const std::vector<double>& residuals) {
   std::vector<double> sizes;
+  sizes.reserve(residuals.size());
   for (double r : residuals) sizes.push_back(std::abs(r));
   const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
   std::nth_element(sizes.begin(), middle, sizes.end());
@@ -178,8 +179,8 @@ class Refinement {
       diagonal[at(directed_[k].reference)] += systems[k].H_jj;
       weight[at(directed_[k].moving)] += systems[k].weight;
       weight[at(directed_[k].reference)] += systems[k].weight;
-      if (i >= 0) gradient.segment<6>(6 * i) += systems[k].g_i;
-      if (j >= 0) gradient.segment<6>(6 * j) += systems[k].g_j;
+      if (i >= 0) gradient.segment<6>(Eigen::Index{6} * i) += systems[k].g_i;
+      if (j >= 0) gradient.segment<6>(Eigen::Index{6} * j) += systems[k].g_j;
       if (i < 0 || j < 0) continue;
       append(entries, i, j, systems[k].H_ij);
       append(entries, j, i, systems[k].H_ij.transpose());
@@ -227,7 +228,7 @@ class Refinement {
     double largest = 0.0;
     for (int v : active_) {
       if (slot_[at(v)] < 0) continue;
-      const Twist move = x.segment<6>(6 * slot_[at(v)]);
+      const Twist move = x.segment<6>(Eigen::Index{6} * slot_[at(v)]);
       const Eigen::Vector3d centre = poses_[at(v)] * centres_[at(v)];
       const Eigen::Quaterniond R = expSo3(Eigen::Vector3d(move.tail<3>() / radius_[at(v)]));
       const Eigen::Isometry3d motion =

@@ -153,6 +153,7 @@ Result<PoseGraphSummary> optimizePoseGraph(const std::vector<PoseGraphEdge>& edg
   PoseGraphSummary summary;
   summary.initial_cost = costAt(edges, poses);
   std::vector<PoseBlock> blocks;
+  blocks.reserve(poses.size());
   for (const Eigen::Isometry3d& pose : poses) blocks.push_back(toBlock(pose));
   std::vector<bool> dropped(edges.size(), false);
   if (!solveOnce(edges, dropped, fixed, loop_sigmas, blocks, summary)) {

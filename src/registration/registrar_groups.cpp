@@ -45,7 +45,8 @@ void Registrar::Impl::closeGroups(int last_view) {
 // Eq. 4.12: against the union of the members so far, in the frame of the last of them.
 const TrialOutcome& Registrar::Impl::registerInGroup(
     Group& group, int view, const std::optional<Eigen::Isometry3d>& T_pred_start) {
-  const GroupMember* predecessor = nullptr;
+  // The first member of a group is always registered.
+  const GroupMember* predecessor = &group.members.front();
   for (const GroupMember& m : group.members) {
     if (m.registered) predecessor = &m;
   }
@@ -87,6 +88,7 @@ Moving Registrar::Impl::movingOf(const Group& group) const {
     const auto chosen = sampleUniform(moving.samples.size(), limit, seed_);
     moving.samples = subset(moving.samples, chosen);
     std::vector<int> owners;
+    owners.reserve(chosen.size());
     for (std::size_t i : chosen) owners.push_back(moving.owners[i]);
     moving.owners = std::move(owners);
   }

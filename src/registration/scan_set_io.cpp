@@ -152,7 +152,8 @@ Result<std::vector<Eigen::Isometry3d>> readPriors(const std::string& path,
     for (const std::string& file : files) {
       const auto found = named->find(fs::path(file).filename().string());
       if (found == named->end()) {
-        return Status(StatusCode::kInvalidInput, path + ": holds no pose for " + file);
+        return Status(StatusCode::kInvalidInput,
+                      std::string(path).append(": holds no pose for ").append(file));
       }
       poses.push_back(found->second);
     }

@@ -36,8 +36,8 @@ RegistrationNode::Impl::Impl(ros::NodeHandle nh, const ros::NodeHandle& private_
   odometry_ = std::make_unique<OdometryBuffer>(fromSeconds(config_.inertial.max_gap_s));
   if (!options_.out.empty()) folder_ = std::make_unique<pipeline::ScanFolder>(options_.out);
   if (!options_.rig.empty()) {
-    const Rig rig = loadRig(options_.rig);
-    static_tf_.sendTransform(toRos(rig.T_base_camera, Time(), options_.base_frame, kCameraFrame));
+    T_base_camera_ = loadRig(options_.rig).T_base_camera;
+    publishRig(kCameraFrame);
   }
   advertise(private_nh);
   if (options_.autostart && options_.start_delay_s == 0.0) state_ = RegistrationStatus::SCANNING;
@@ -178,9 +178,16 @@ void RegistrationNode::Impl::onMapTimer(const ros::TimerEvent&) {
       toRos(T_map_odom, fromRos(now), options_.map_frame, options_.odom_frame));
 }
 
-Result<Eigen::Isometry3d> RegistrationNode::Impl::cloudPose(const std::string& frame) const {
-  std::string error;
-  if (!tf_.canTransform(options_.base_frame, frame, ros::Time(0), &error)) {
+void RegistrationNode::Impl::publishRig(const std::string& camera_frame) {
+  if (!T_base_camera_ || !rig_frames_.insert(camera_frame).second) return;
+  static_tf_.sendTransform(toRos(*T_base_camera_, Time(), options_.base_frame, camera_frame));
+}
+
+Result<Eigen::Isometry3d> RegistrationNode::Impl::cloudPose(const std::string& frame) {
+  // The rig file holds under whatever name the images give their camera.
+  const std::size_t suffix = frame.rfind("_rectified");
+  if (suffix != std::string::npos) publishRig(frame.substr(0, suffix));
+  if (!tf_.canTransform(options_.base_frame, frame, ros::Time(0))) {
     return Status(StatusCode::kNotEnoughData,
                   "no transform from " + options_.base_frame + " to " + frame);
   }

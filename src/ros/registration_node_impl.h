@@ -66,7 +66,8 @@ class RegistrationNode::Impl {
   void work();
   bool ready(Result<Eigen::Isometry3d>& T_base_cloud);
   std::vector<ImuSample> takeSamples(Time stamp);
-  Result<Eigen::Isometry3d> cloudPose(const std::string& frame) const;
+  Result<Eigen::Isometry3d> cloudPose(const std::string& frame);
+  void publishRig(const std::string& camera_frame);
   bool process(const sensor_msgs::PointCloud2& message, const std::vector<ImuSample>& samples,
                const Result<Eigen::Isometry3d>& T_base_cloud, bool last_call);
   void moveMap(const RegistrationSession::Outcome& outcome);
@@ -108,6 +109,9 @@ class RegistrationNode::Impl {
   std::string message_, waiting_for_;
   Eigen::Isometry3d T_map_odom_ = Eigen::Isometry3d::Identity();
   ros::Time broadcast_;
+
+  std::optional<Eigen::Isometry3d> T_base_camera_;  ///< of the rig file
+  std::set<std::string> rig_frames_;                ///< published with it
 
   // Guarded by session_mutex_, which is never taken while mutex_ is held.
   std::mutex session_mutex_;

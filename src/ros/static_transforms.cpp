@@ -11,6 +11,7 @@ std::string frameName(const std::string& name) {
 
 void StaticTransforms::add(const std::string& parent, const std::string& child,
                            const Eigen::Isometry3d& T_parent_child) {
+  added_.push_back({frameName(parent), frameName(child), T_parent_child});
   edges_[frameName(parent)][frameName(child)] = T_parent_child;
   edges_[frameName(child)][frameName(parent)] = T_parent_child.inverse();
 }

@@ -9,6 +9,7 @@
 
 #include "ros/bag_writer.h"
 #include "scanner/ros/conversions.h"
+#include "scanner/ros/static_transforms.h"
 #include "support/temporary_folder.h"
 
 namespace scanner::bridge {
@@ -50,6 +51,8 @@ TEST_F(BagReaderTest, GivesEverythingInOrderOfTime) {
   ASSERT_TRUE(bag.rig()) << bag.rig().status().message();
   EXPECT_TRUE(bag.rig()->T_base_camera.isApprox(rig_.rig().T_base_camera, 1e-9));
   EXPECT_EQ(bag.expectedFrames(), 3U);
+  EXPECT_GT(bag.recordedUntil(), test::SyntheticRig::stamp(1.0));
+  EXPECT_EQ(bag.transforms().added().size(), 2U);
 
   Time newest_sample;
   std::size_t frames = 0, samples = 0;

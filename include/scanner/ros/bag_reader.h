@@ -14,6 +14,8 @@
 
 namespace scanner::bridge {
 
+class StaticTransforms;
+
 /// Where a recording keeps what (docs/architecture.md).
 struct Topics {
   std::string left_image = "/bumblebee/left/image_raw";
@@ -88,8 +90,12 @@ class BagReader {
   const Result<StereoCalibration>& calibration() const;
   /// From /tf_static: base_link to the frame that the left images name, through any chain.
   const Result<Rig>& rig() const;
+  /// All of /tf_static.
+  const StaticTransforms& transforms() const;
   /// Pairs to expect, from the index (for a progress bar).
   std::size_t expectedFrames() const;
+  /// When the last message was recorded.
+  Time recordedUntil() const;
   /// Topics in the file, sorted, with their types ("/a sensor_msgs/Image").
   std::vector<std::string> contents() const;
 

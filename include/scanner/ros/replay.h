@@ -13,6 +13,7 @@ namespace scanner::bridge {
 struct ReplayOptions {
   std::string bag;
   double rate = 1.0;         ///< of real time
+  bool transforms = true;    ///< publish the recording's /tf_static
   bool mesh = true;          ///< build the mesh at the end
   std::string out;           ///< scan folder to fill at the end; empty: none
   double startup_s = 60.0;   ///< how long the nodes may take to come up

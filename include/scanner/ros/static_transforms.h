@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "scanner/core/status.h"
 
@@ -22,9 +23,17 @@ class StaticTransforms {
   bool knows(const std::string& frame) const;
   bool empty() const { return edges_.empty(); }
 
+  struct Edge {
+    std::string parent, child;
+    Eigen::Isometry3d T_parent_child;
+  };
+  /// What was added, in order.
+  const std::vector<Edge>& added() const { return added_; }
+
  private:
   /// edges_[a][b] = T_a_b, both directions.
   std::map<std::string, std::map<std::string, Eigen::Isometry3d>> edges_;
+  std::vector<Edge> added_;
 };
 
 }  // namespace scanner::bridge
