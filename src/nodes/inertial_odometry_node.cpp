@@ -3,5 +3,6 @@
 #include "nodes/node_main.h"
 
 int main(int argc, char** argv) {
-  return scanner::nodes::run<scanner::bridge::InertialOdometryNode>(argc, argv, "inertial_odometry_node");
+  return scanner::nodes::run<scanner::bridge::InertialOdometryNode>(argc, argv,
+                                                                    "inertial_odometry_node");
 }

@@ -137,7 +137,8 @@ void judgeInertial(BagInspection& out) {
     out.problems.push_back("no pair lies within the time span of the inertial samples");
   } else if (s.frames_covered < frames) {
     out.warnings.push_back(std::to_string(frames - s.frames_covered) + " of " +
-                           std::to_string(frames) + " pairs have no inertial samples at their time");
+                           std::to_string(frames) +
+                           " pairs have no inertial samples at their time");
   }
 }
 

@@ -19,8 +19,8 @@ void writeTopic(std::ostream& out, const TopicStatistics& t) {
 
 void writeExposure(std::ostream& out, const char* side, const ExposureSummary& e) {
   out << "  " << side << " brightness " << std::setprecision(0) << e.mean << ", saturated "
-      << std::setprecision(2) << 100.0 * e.saturated_share << " %, black "
-      << 100.0 * e.black_share << " %\n";
+      << std::setprecision(2) << 100.0 * e.saturated_share << " %, black " << 100.0 * e.black_share
+      << " %\n";
 }
 
 Json topicJson(const TopicStatistics& t) {
@@ -38,9 +38,7 @@ Json topicJson(const TopicStatistics& t) {
 }
 
 Json exposureJson(const ExposureSummary& e) {
-  return {{"mean", e.mean},
-          {"saturated_share", e.saturated_share},
-          {"black_share", e.black_share}};
+  return {{"mean", e.mean}, {"saturated_share", e.saturated_share}, {"black_share", e.black_share}};
 }
 
 }  // namespace
@@ -61,11 +59,11 @@ std::string toText(const BagInspection& in) {
     out << "exposure\n";
     writeExposure(out, "left ", in.left);
     writeExposure(out, "right", in.right);
-    out << "inertial\n  mean acceleration " << std::setprecision(2)
-        << in.inertial.mean_acceleration << " (m/s^2: 9.81), 95 % of the rates below "
-        << in.inertial.rate_percentile_95 << ", orientation in "
-        << std::setprecision(0) << 100.0 * in.inertial.oriented_share << " % of the samples, "
-        << in.inertial.frames_covered << " of " << s.frames << " pairs covered\n";
+    out << "inertial\n  mean acceleration " << std::setprecision(2) << in.inertial.mean_acceleration
+        << " (m/s^2: 9.81), 95 % of the rates below " << in.inertial.rate_percentile_95
+        << ", orientation in " << std::setprecision(0) << 100.0 * in.inertial.oriented_share
+        << " % of the samples, " << in.inertial.frames_covered << " of " << s.frames
+        << " pairs covered\n";
   }
   if (in.calibration) {
     const StereoCalibration& c = *in.calibration;

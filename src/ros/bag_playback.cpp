@@ -55,8 +55,7 @@ bool Playback::acceptStamp(Stream& stream, Time stamp, const rosbag::MessageInst
   const std::optional<Time> newest = stream.tracker.newest();
   if (stream.tracker.accept(stamp, fromRos(instance.getTime()))) return true;
   note("backward " + instance.getTopic(), instance.getTopic() + ": stamp " + seconds(stamp) +
-                                              " is not after " + seconds(*newest) +
-                                              ", skipped");
+                                              " is not after " + seconds(*newest) + ", skipped");
   return false;
 }
 

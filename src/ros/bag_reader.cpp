@@ -62,7 +62,6 @@ struct BagReader::Contents {
   Result<Rig> rig = Status(StatusCode::kNotEnoughData, "no /tf_static in the bag");
   Status scannable;
   std::string camera_frame;
-  Time recorded_until;
   Trajectory ground_truth;
 };
 
@@ -177,7 +176,6 @@ Result<BagReader> BagReader::open(const std::string& path, const Topics& topics)
     for (auto& [topic, entry] : c.index) {
       entry.second = rosbag::View(c.bag, rosbag::TopicQuery(topic)).size();
     }
-    if (all.size() > 0) c.recorded_until = fromRos(all.getEndTime());
     c.camera_frame = topics.camera_frame;
     c.readTransforms();
     c.calibration = c.readCalibration();
@@ -202,7 +200,6 @@ const Topics& BagReader::topics() const { return contents_->topics; }
 Status BagReader::checkScannable() const { return contents_->scannable; }
 const Result<StereoCalibration>& BagReader::calibration() const { return contents_->calibration; }
 const Result<Rig>& BagReader::rig() const { return contents_->rig; }
-Time BagReader::recordedUntil() const { return contents_->recorded_until; }
 const StaticTransforms& BagReader::transforms() const { return contents_->transforms; }
 const Trajectory& BagReader::groundTruth() const { return contents_->ground_truth; }
 

@@ -125,10 +125,11 @@ Result<PointCloud> pointsFromRos(const sensor_msgs::PointCloud2& message) {
   const std::size_t step = message.point_step;
   if (message.row_step < step * message.width ||
       message.data.size() < static_cast<std::size_t>(message.row_step) * message.height) {
-    return Status(StatusCode::kInvalidInput,
-                  "point cloud: " + std::to_string(message.data.size()) + " bytes are too few for " +
-                      std::to_string(message.width) + "x" + std::to_string(message.height) +
-                      " points of " + std::to_string(step) + " bytes");
+    return Status(StatusCode::kInvalidInput, "point cloud: " + std::to_string(message.data.size()) +
+                                                 " bytes are too few for " +
+                                                 std::to_string(message.width) + "x" +
+                                                 std::to_string(message.height) + " points of " +
+                                                 std::to_string(step) + " bytes");
   }
   const bool normals = findVector(message, "normal_x", "normal_y", "normal_z", normal);
   const sensor_msgs::PointField* rgb = find(message, "rgb");

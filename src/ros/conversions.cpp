@@ -128,8 +128,8 @@ sensor_msgs::Image toRos(const Image& image, const std_msgs::Header& header) {
                  static_cast<std::uint32_t>(image.data.elemSize());
   message.data.resize(static_cast<std::size_t>(message.step) * message.height);
   for (int y = 0; y < image.data.rows; ++y) {
-    std::memcpy(message.data.data() + static_cast<std::size_t>(y) * message.step,
-                image.data.ptr(y), message.step);
+    std::memcpy(message.data.data() + static_cast<std::size_t>(y) * message.step, image.data.ptr(y),
+                message.step);
   }
   return message;
 }

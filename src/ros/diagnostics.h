@@ -8,12 +8,13 @@
 
 namespace scanner::bridge {
 
-/// One diagnostic status, published every second of wall time: simulated time stops with the player.
+/// One diagnostic status, published every second of wall time: simulated time stops with the
+/// player.
 class Diagnostics {
  public:
   using Task = std::function<void(diagnostic_updater::DiagnosticStatusWrapper&)>;
 
-  Diagnostics(ros::NodeHandle nh, const ros::NodeHandle& private_nh, const std::string& name,
+  Diagnostics(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh, const std::string& name,
               const Task& task)
       : updater_(nh, private_nh) {
     updater_.setHardwareID("scanner");

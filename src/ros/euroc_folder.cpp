@@ -73,10 +73,10 @@ Status readCsv(const fs::path& file, std::size_t min_fields,
     const std::string where = file.string() + ":" + std::to_string(number) + ": ";
     if (fields.size() < min_fields) {
       return Status(StatusCode::kInvalidInput, where + "needs " + std::to_string(min_fields) +
-                                                   " fields, has " +
-                                                   std::to_string(fields.size()));
+                                                   " fields, has " + std::to_string(fields.size()));
     }
-    if (Status status = take(fields); !status) return Status(status.code(), where + status.message());
+    if (Status status = take(fields); !status)
+      return Status(status.code(), where + status.message());
   }
   return Status::ok();
 }

@@ -10,8 +10,8 @@
 
 namespace scanner::bridge {
 
-/// The sample in `base_frame`: turned with tf when the sensor is mounted turned (the frame is another
-/// one and tf knows it), else as it is. Errors of fromRos().
+/// The sample in `base_frame`: turned with tf when the sensor is mounted turned (the frame is
+/// another one and tf knows it), else as it is. Errors of fromRos().
 Result<ImuSample> imuInBase(const sensor_msgs::Imu& message, const tf2_ros::Buffer& tf,
                             const std::string& base_frame);
 

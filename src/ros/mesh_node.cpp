@@ -185,8 +185,8 @@ Outcome MeshNode::Impl::build() {
   status_.faces = static_cast<std::uint32_t>(mesh_->faces.size());
   preview_.publish(toRos(previewMesh(*mesh_, static_cast<std::size_t>(options_.preview_faces)),
                          makeHeader(Time(), "map"), "mesh", 0));
-  std::string message = std::to_string(status_.faces) + " faces from " +
-                        std::to_string(posed.size()) + " views";
+  std::string message =
+      std::to_string(status_.faces) + " faces from " + std::to_string(posed.size()) + " views";
   if (missing > 0) message += "; " + std::to_string(missing) + " views never came";
   return done(MeshStatus::DONE, message);
 }

@@ -53,8 +53,7 @@ Mesh clustered(const Mesh& mesh, double cell_m) {
   }
   Mesh out;
   for (const Cell& cell : cells) {
-    out.vertices.points.push_back(
-        (cell.point / static_cast<double>(cell.count)).cast<float>());
+    out.vertices.points.push_back((cell.point / static_cast<double>(cell.count)).cast<float>());
     if (!colored) continue;
     out.vertices.colors.push_back({channel(cell.color.x(), cell.count),
                                    channel(cell.color.y(), cell.count),
@@ -72,8 +71,8 @@ Mesh clustered(const Mesh& mesh, double cell_m) {
 Mesh previewMesh(const Mesh& mesh, std::size_t max_faces) {
   if (mesh.faces.size() <= max_faces || mesh.faces.empty()) return mesh;
   // Faces shrink with the square of the cell; from there on by steps until it fits.
-  double cell = meanEdge(mesh) * std::sqrt(static_cast<double>(mesh.faces.size()) /
-                                           static_cast<double>(max_faces));
+  double cell = meanEdge(mesh) *
+                std::sqrt(static_cast<double>(mesh.faces.size()) / static_cast<double>(max_faces));
   constexpr double kStep = 1.25;
   Mesh out = clustered(mesh, cell);
   while (out.faces.size() > max_faces) {

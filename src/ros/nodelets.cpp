@@ -1,5 +1,6 @@
-// Every node as a nodelet, for one manager without copies between them. All callbacks of a node come
-// from the manager's single-threaded queue; long services have their own thread (service_thread.h).
+// Every node as a nodelet, for one manager without copies between them. All callbacks of a node
+// come from the manager's single-threaded queue; long services have their own thread
+// (service_thread.h).
 #include <nodelet/nodelet.h>
 #include <pluginlib/class_list_macros.hpp>
 

@@ -14,7 +14,8 @@ nav_msgs::Odometry toRos(const inertial::OdometryState& state,
   nav_msgs::Odometry message;
   message.header = makeHeader(state.stamp, frame_id);
   message.child_frame_id = child_frame_id;
-  message.pose = withCovariance(state.T_odom_base, state.position_sigma_m, state.rotation_sigma_rad);
+  message.pose =
+      withCovariance(state.T_odom_base, state.position_sigma_m, state.rotation_sigma_rad);
   const Eigen::Vector3d v = state.T_odom_base.linear().transpose() * state.velocity;
   message.twist.twist.linear.x = v.x();
   message.twist.twist.linear.y = v.y();
@@ -55,9 +56,9 @@ Result<inertial::OdometryState> OdometryBuffer::at(Time stamp) const {
   if (states_.empty() || states_.back().stamp < stamp) {
     return Status(StatusCode::kNotEnoughData, "odometry has not reached the frame yet");
   }
-  const auto after = std::lower_bound(
-      states_.begin(), states_.end(), stamp,
-      [](const inertial::OdometryState& s, Time t) { return s.stamp < t; });
+  const auto after =
+      std::lower_bound(states_.begin(), states_.end(), stamp,
+                       [](const inertial::OdometryState& s, Time t) { return s.stamp < t; });
   if (after->stamp == stamp) return *after;
   if (after == states_.begin()) {
     return Status(StatusCode::kOutOfRange, "the frame is older than the odometry");

@@ -30,7 +30,8 @@ void describe(OptionVisitor& v, RegistrationNodeOptions& o) {
   v.option("base_frame", o.base_frame, "frame of the inertial sensor");
 }
 
-RegistrationNode::Impl::Impl(ros::NodeHandle nh, const ros::NodeHandle& private_nh) : nh_(nh) {
+RegistrationNode::Impl::Impl(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh)
+    : nh_(nh) {
   loadParameters(private_nh);
   session_ = std::make_unique<RegistrationSession>(config_, threads_, options_.preview_voxel_m);
   odometry_ = std::make_unique<OdometryBuffer>(fromSeconds(config_.inertial.max_gap_s));
@@ -180,7 +181,7 @@ void RegistrationNode::Impl::onMapTimer(const ros::TimerEvent&) {
 
 void RegistrationNode::Impl::publishRig(const std::string& camera_frame) {
   if (!T_base_camera_ || !rig_frames_.insert(camera_frame).second) return;
-  static_tf_.sendTransform(toRos(*T_base_camera_, Time(), options_.base_frame, camera_frame));
+  static_tf_->send({toRos(*T_base_camera_, Time(), options_.base_frame, camera_frame)});
 }
 
 Result<Eigen::Isometry3d> RegistrationNode::Impl::cloudPose(const std::string& frame) {
@@ -207,13 +208,13 @@ bool RegistrationNode::Impl::ready(Result<Eigen::Isometry3d>& T_base_cloud) {
 }
 
 std::vector<ImuSample> RegistrationNode::Impl::takeSamples(Time stamp) {
-  // As scan_bag gives them: up to the first one at or after the stamp, and more only when asked for.
+  // As scan_bag gives them: up to the first one at or after the stamp, and more only when asked
+  // for.
   constexpr std::size_t kExtra = 20;
   std::size_t n = 0;
   while (n < samples_.size() && samples_[n].stamp < stamp) ++n;
   n = std::min(samples_.size(), n + (starved_ ? kExtra : 1));
-  std::vector<ImuSample> taken(samples_.begin(),
-                               samples_.begin() + static_cast<std::ptrdiff_t>(n));
+  std::vector<ImuSample> taken(samples_.begin(), samples_.begin() + static_cast<std::ptrdiff_t>(n));
   samples_.erase(samples_.begin(), samples_.begin() + static_cast<std::ptrdiff_t>(n));
   return taken;
 }

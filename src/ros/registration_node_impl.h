@@ -2,7 +2,6 @@
 
 #include <ros/node_handle.h>
 #include <tf2_ros/buffer.h>
-#include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_broadcaster.h>
 #include <tf2_ros/transform_listener.h>
 
@@ -19,6 +18,7 @@
 
 #include "ros/diagnostics.h"
 #include "ros/registration_session.h"
+#include "ros/static_broadcast.h"
 #include "scanner/RegistrationStatus.h"
 #include "scanner/ros/conversions.h"
 #include "scanner/ros/odometry_buffer.h"
@@ -43,13 +43,13 @@ struct RegistrationNodeOptions {
 
 void describe(OptionVisitor& v, RegistrationNodeOptions& o);
 
-/// Topics in registration_node.cpp, services and diagnostics in registration_services.cpp. Callbacks
-/// only queue; one worker thread registers; services have a thread of their own.
+/// Topics in registration_node.cpp, services and diagnostics in registration_services.cpp.
+/// Callbacks only queue; one worker thread registers; services have a thread of their own.
 class RegistrationNode::Impl {
  public:
   using SteadyClock = std::chrono::steady_clock;
 
-  Impl(ros::NodeHandle nh, const ros::NodeHandle& private_nh);
+  Impl(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh);
   ~Impl();
 
  private:
@@ -123,7 +123,7 @@ class RegistrationNode::Impl {
   tf2_ros::Buffer tf_;
   tf2_ros::TransformListener tf_listener_{tf_};
   tf2_ros::TransformBroadcaster tf_broadcaster_;
-  tf2_ros::StaticTransformBroadcaster static_tf_;
+  std::shared_ptr<StaticBroadcast> static_tf_ = StaticBroadcast::shared();
   ros::Publisher pose_, path_, views_, groups_, group_markers_, cloud_, status_;
   ros::Subscriber points_sub_, imu_sub_, odometry_sub_, info_sub_;
   ros::Timer map_timer_, start_timer_;

@@ -38,7 +38,7 @@ std::size_t RegistrationNode::Impl::waitForClouds() {
     const std::chrono::duration<double> quiet = SteadyClock::now() - news_;
     if (busy_ || toCome() == 0 || quiet.count() < options_.finish_timeout_s) continue;
     if (waiting_.empty()) break;  // announced, but never came
-    give_up_ = true;              // samples or tf are missing: the clouds are discarded with that reason
+    give_up_ = true;  // samples or tf are missing: the clouds are discarded with that reason
     wake_.notify_all();
   }
   give_up_ = false;
@@ -65,9 +65,8 @@ std::pair<bool, std::string> RegistrationNode::Impl::finish() {
     const std::lock_guard<std::mutex> lock(session_mutex_);
     const registration::GlobalOutcome outcome = session_->finish();
     success = session_->registered() > 0;
-    summary = std::to_string(session_->registered()) + " of " +
-              std::to_string(session_->total()) + " views registered in " +
-              std::to_string(outcome.groups) + " groups";
+    summary = std::to_string(session_->registered()) + " of " + std::to_string(session_->total()) +
+              " views registered in " + std::to_string(outcome.groups) + " groups";
     if (lost > 0) summary += "; " + std::to_string(lost) + " pairs never came";
     if (!outcome.status) summary += "; no global stage: " + outcome.status.message();
     if (folder_) {

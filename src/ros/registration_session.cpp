@@ -75,9 +75,8 @@ RegistrationSession::Outcome RegistrationSession::add(const OrganizedCloud& clou
                                                       const inertial::OdometryState& state,
                                                       const Eigen::Isometry3d& T_base_optical) {
   if (cloud.cloud.empty()) return discard(cloud.stamp, "the pair gave no depth");
-  Result<View> view =
-      stereo::makeView(static_cast<int>(total_), cloud, T_base_optical, state.T_odom_base,
-                       config_.stereo.conditioning, nullptr);
+  Result<View> view = stereo::makeView(static_cast<int>(total_), cloud, T_base_optical,
+                                       state.T_odom_base, config_.stereo.conditioning, nullptr);
   if (!view) return discard(cloud.stamp, view.status().message());
   ++total_;
   newest_ = cloud.stamp;
@@ -241,8 +240,8 @@ RegisteredView toRos(const RegistrationSession::Outcome& outcome, const std::str
   message.trial = static_cast<std::uint8_t>(outcome.trial);
   message.resampled = outcome.resampled;
   message.mean_distance = outcome.mean_distance_m;
-  message.pose = withCovariance(outcome.T_map_base, outcome.position_sigma_m,
-                                outcome.rotation_sigma_rad);
+  message.pose =
+      withCovariance(outcome.T_map_base, outcome.position_sigma_m, outcome.rotation_sigma_rad);
   message.cloud = toRos(outcome.view ? outcome.view->cloud : PointCloud(),
                         makeHeader(outcome.stamp, base_frame));
   return message;

@@ -18,10 +18,10 @@
 namespace scanner::bridge {
 
 /// What the registration node does with samples and clouds, without topics and threads: the same
-/// steps in the same order as pipeline::Scanner, so that a replay gives what scan_bag gives. The prior
-/// of a view needs the pose of the view before as a correction, so the samples are integrated here,
-/// in step with the clouds, and not taken from /odometry, which would depend on who is faster. Not
-/// thread-safe.
+/// steps in the same order as pipeline::Scanner, so that a replay gives what scan_bag gives. The
+/// prior of a view needs the pose of the view before as a correction, so the samples are integrated
+/// here, in step with the clouds, and not taken from /odometry, which would depend on who is
+/// faster. Not thread-safe.
 class RegistrationSession {
  public:
   struct Outcome {
@@ -43,9 +43,11 @@ class RegistrationSession {
 
   /// Samples in base_link, in order of time; those that cannot be used are skipped and counted.
   void addImu(const ImuSample& sample);
-  /// The state that a cloud of this stamp needs. kNotEnoughData: with more samples it will be known.
+  /// The state that a cloud of this stamp needs. kNotEnoughData: with more samples it will be
+  /// known.
   Result<inertial::OdometryState> predict(Time stamp) const { return inertial_.predict(stamp); }
-  /// One stereo cloud with the state at its stamp; `T_base_optical` is the pose of the cloud's frame.
+  /// One stereo cloud with the state at its stamp; `T_base_optical` is the pose of the cloud's
+  /// frame.
   Outcome add(const OrganizedCloud& cloud, const inertial::OdometryState& state,
               const Eigen::Isometry3d& T_base_optical);
   /// A cloud that cannot be used; counted as a view that was discarded.
@@ -78,8 +80,9 @@ class RegistrationSession {
   registration::Registrar registrar_;
   inertial::InertialOdometry inertial_;
   std::optional<inertial::OdometryState> previous_;  ///< at the view added last
-  Eigen::Isometry3d T_map_state_ = Eigen::Isometry3d::Identity();  ///< newest pose against inertial_
-  std::vector<PointCloud> thinned_;  ///< of each of the registrar's views, in base_link
+  Eigen::Isometry3d T_map_state_ =
+      Eigen::Isometry3d::Identity();  ///< newest pose against inertial_
+  std::vector<PointCloud> thinned_;   ///< of each of the registrar's views, in base_link
   std::size_t total_ = 0;
   Time newest_;
 };

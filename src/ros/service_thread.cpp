@@ -23,10 +23,10 @@ bool answer(Response& response, const Run& run) {
 void ServiceThread::add(const std::string& name, Action action) {
   using Request = std_srvs::Trigger::Request;
   using Response = std_srvs::Trigger::Response;
-  const boost::function<bool(Request&, Response&)> callback =
-      [action = std::move(action)](Request&, Response& response) {
-        return answer(response, action);
-      };
+  const boost::function<bool(Request&, Response&)> callback = [action = std::move(action)](
+                                                                  Request&, Response& response) {
+    return answer(response, action);
+  };
   servers_.push_back(nh_.advertiseService<Request, Response>(name, callback));
 }
 

@@ -7,7 +7,6 @@
 #include <message_filters/synchronizer.h>
 #include <ros/console.h>
 #include <sensor_msgs/CompressedImage.h>
-#include <tf2_ros/static_transform_broadcaster.h>
 
 #include <atomic>
 #include <boost/bind/bind.hpp>
@@ -18,6 +17,7 @@
 #include <thread>
 
 #include "ros/diagnostics.h"
+#include "ros/static_broadcast.h"
 #include "scanner/ros/conversions.h"
 #include "scanner/ros/parameters.h"
 #include "scanner/ros/work_queue.h"
@@ -104,7 +104,7 @@ class StereoNode::Impl {
 
   ros::Publisher points_, disparity_, viewfinder_;
   image_transport::Publisher rectified_;
-  tf2_ros::StaticTransformBroadcaster static_tf_;
+  std::shared_ptr<StaticBroadcast> static_tf_ = StaticBroadcast::shared();
 
   // Of the worker only.
   std::optional<stereo::StereoProcessor> processor_;
@@ -131,8 +131,7 @@ StereoNode::Impl::Impl(const ros::NodeHandle& nh, const ros::NodeHandle& private
                  : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
   points_ = nh_.advertise<sensor_msgs::PointCloud2>("stereo/points", 0);
   disparity_ = nh_.advertise<stereo_msgs::DisparityImage>("stereo/disparity", 2);
-  viewfinder_ =
-      nh_.advertise<sensor_msgs::CompressedImage>("stereo/left/viewfinder/compressed", 1);
+  viewfinder_ = nh_.advertise<sensor_msgs::CompressedImage>("stereo/left/viewfinder/compressed", 1);
   rectified_ = transport_.advertise("stereo/left/image_rect_color", 2);
   queue_ = std::make_unique<WorkQueue<Pair>>([this](Pair& pair) { work(pair); });
   diagnostics_ = std::make_unique<Diagnostics>(
@@ -195,8 +194,8 @@ Status StereoNode::Impl::prepare(const Pair& pair) {
   // camera_info's R turns raw to rectified coordinates: R_rectified_raw.
   Eigen::Isometry3d T_raw_rectified = Eigen::Isometry3d::Identity();
   T_raw_rectified.linear() = calibration->left.R.transpose();
-  static_tf_.sendTransform(toRos(T_raw_rectified, fromRos(pair.left->header.stamp),
-                                 pair.left->header.frame_id, frame_));
+  static_tf_->send({toRos(T_raw_rectified, fromRos(pair.left->header.stamp),
+                          pair.left->header.frame_id, frame_)});
   return Status::ok();
 }
 
@@ -244,8 +243,7 @@ void StereoNode::Impl::publish(const stereo::StereoProcessor::Output& output) {
     disparity_.publish(toRos(output.disparity, processor_->calibration(), frame_));
   }
   publishViewfinder(output);
-  points_.publish(
-      boost::make_shared<const sensor_msgs::PointCloud2>(toRos(output.cloud, frame_)));
+  points_.publish(boost::make_shared<const sensor_msgs::PointCloud2>(toRos(output.cloud, frame_)));
 }
 
 void StereoNode::Impl::publishViewfinder(const stereo::StereoProcessor::Output& output) {

@@ -15,6 +15,7 @@ class ViewfinderNode::Impl {
   Impl(ros::NodeHandle nh, const ros::NodeHandle& private_nh)
       : diagnostics_(nh, private_nh, "viewfinder",
                      [this](DiagnosticStatus& status) { report(status); }) {
+    // cppcheck-suppress useInitializationList
     image_ = nh.advertise<sensor_msgs::Image>("viewfinder/image", 1);
     compressed_ = nh.subscribe("stereo/left/viewfinder/compressed", 1, &Impl::onPicture, this);
   }

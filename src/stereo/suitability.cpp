@@ -70,6 +70,7 @@ std::string describeEye(const Brightness& b) {
 
 std::string format(const char* pattern, double a, double b, double c, double d) {
   char line[200];
+  // cppcheck-suppress wrongPrintfScanfArgNum ; the pattern is the caller's
   std::snprintf(line, sizeof(line), pattern, a, b, c, d);
   return line;
 }

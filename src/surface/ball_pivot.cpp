@@ -279,11 +279,14 @@ double meanSpacing(const PointCloud& cloud) {
 Result<Mesh> ballPivotWithRadii(const PointCloud& cloud, const std::vector<double>& radii_m,
                                 const BallPivotOptions& options, int threads,
                                 BallPivotStatistics* statistics) {
-  for (std::size_t i = 0; i < radii_m.size() || i == 0; ++i) {
-    const double least = i == 0 ? 0.0 : radii_m[i - 1];
-    if (radii_m.empty() || !std::isfinite(radii_m[i]) || radii_m[i] <= least) {
-      throw ConfigurationError("ballPivot: radii must be positive, finite and ascending");
-    }
+  bool usable = !radii_m.empty();
+  double least = 0.0;
+  for (const double radius : radii_m) {
+    usable = usable && std::isfinite(radius) && radius > least;
+    least = radius;
+  }
+  if (!usable) {
+    throw ConfigurationError("ballPivot: radii must be positive, finite and ascending");
   }
   Status status = checkCloud(cloud);
   if (!status) return status;

@@ -51,7 +51,6 @@ TEST_F(BagReaderTest, GivesEverythingInOrderOfTime) {
   ASSERT_TRUE(bag.rig()) << bag.rig().status().message();
   EXPECT_TRUE(bag.rig()->T_base_camera.isApprox(rig_.rig().T_base_camera, 1e-9));
   EXPECT_EQ(bag.expectedFrames(), 3U);
-  EXPECT_GT(bag.recordedUntil(), test::SyntheticRig::stamp(1.0));
   EXPECT_EQ(bag.transforms().added().size(), 2U);
 
   Time newest_sample;
@@ -251,7 +250,8 @@ TEST_F(BagReaderTest, ATruncatedBagPointsToReindex) {
   for (const double share : {0.2, 0.5, 0.9, 0.999}) {
     const std::string cut = folder_ / "cut.bag";
     std::filesystem::copy_file(path, cut, std::filesystem::copy_options::overwrite_existing);
-    std::filesystem::resize_file(cut, static_cast<std::uintmax_t>(share * static_cast<double>(size)));
+    std::filesystem::resize_file(cut,
+                                 static_cast<std::uintmax_t>(share * static_cast<double>(size)));
     const Result<BagReader> bag = BagReader::open(cut);
     ASSERT_FALSE(bag) << share;
     EXPECT_TRUE(oneLine(bag.status())) << bag.status().message();

@@ -26,8 +26,8 @@ TEST(TimeConversion, IsExactToTheNanosecond) {
 
 TEST(ImageConversion, KeepsEveryHandledEncoding) {
   for (const PixelFormat format :
-       {PixelFormat::kMono8, PixelFormat::kBgr8, PixelFormat::kBayerRggb8,
-        PixelFormat::kBayerBggr8, PixelFormat::kBayerGbrg8, PixelFormat::kBayerGrbg8}) {
+       {PixelFormat::kMono8, PixelFormat::kBgr8, PixelFormat::kBayerRggb8, PixelFormat::kBayerBggr8,
+        PixelFormat::kBayerGbrg8, PixelFormat::kBayerGrbg8}) {
     Image image;
     image.format = format;
     image.data.create(3, 5, format == PixelFormat::kBgr8 ? CV_8UC3 : CV_8UC1);
@@ -267,8 +267,8 @@ TEST(DisparityConversion, FollowsStereoMsgs) {
   EXPECT_FLOAT_EQ(message.max_disparity, 50.0F);
   float values[2];
   std::memcpy(values, message.image.data.data(), sizeof(values));
-  EXPECT_FLOAT_EQ(values[0], 20.0F);                           // Z = f T / d holds with this one
-  EXPECT_LT(values[1], message.min_disparity);                 // unknown
+  EXPECT_FLOAT_EQ(values[0], 20.0F);            // Z = f T / d holds with this one
+  EXPECT_LT(values[1], message.min_disparity);  // unknown
 }
 
 TEST(MeshConversion, GivesOneColouredTriangleListPerMesh) {

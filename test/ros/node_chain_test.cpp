@@ -1,5 +1,6 @@
-// The processing nodes on synthetic messages: what goes in, what comes out, stamps, frames, services.
-// Run by nodes.test (executables) and nodelets.test (one manager); the nodes must be up already.
+// The processing nodes on synthetic messages: what goes in, what comes out, stamps, frames,
+// services. Run by nodes.test (executables) and nodelets.test (one manager); the nodes must be up
+// already.
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <gtest/gtest.h>
@@ -209,9 +210,8 @@ void NodeChainTest::checkStereo(int frames) {
   EXPECT_GT(disparity_.last()->T, 0.0F);
   EXPECT_EQ(viewfinder_.last()->header.frame_id, kRectified);
   // camera_info's R is the identity here: both frames coincide.
-  ASSERT_TRUE(eventually([this] {
-    return tf_.canTransform("bumblebee_left_optical", kRectified, ros::Time(0));
-  }));
+  ASSERT_TRUE(eventually(
+      [this] { return tf_.canTransform("bumblebee_left_optical", kRectified, ros::Time(0)); }));
 }
 
 void NodeChainTest::checkOdometry() {

@@ -52,8 +52,7 @@ TEST(OdometryBuffer, ForgetsButKeepsWhatAnInterpolationNeeds) {
 
 TEST(OdometryMessage, TwistIsInTheChildFrame) {
   inertial::OdometryState s = state(3.0, 0.0);
-  s.T_odom_base.linear() =
-      Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  s.T_odom_base.linear() = Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   s.velocity = {0.0, 2.0, 0.0};  // odom y is base x
   s.position_sigma_m = 0.1;
   s.rotation_sigma_rad = 0.2;

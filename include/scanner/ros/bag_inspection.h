@@ -19,13 +19,13 @@ struct ExposureSummary {
 
 /// What the inertial samples say about their own units.
 struct InertialSummary {
-  double mean_acceleration = 0.0;    ///< magnitude as recorded; 9.8 when it is m/s^2
-  double rate_percentile_95 = 0.0;   ///< magnitude as recorded
+  double mean_acceleration = 0.0;   ///< magnitude as recorded; 9.8 when it is m/s^2
+  double rate_percentile_95 = 0.0;  ///< magnitude as recorded
   /// Rotation by the rates over rotation by the orientations, as recorded: 1 for rad/s, 57 for
   /// deg/s. 0 when it cannot be told (no orientation, or no motion).
   double rate_scale = 0.0;
-  double oriented_share = 0.0;       ///< of the samples, with orientation
-  std::size_t frames_covered = 0;    ///< pairs with samples on both sides of their stamp
+  double oriented_share = 0.0;     ///< of the samples, with orientation
+  std::size_t frames_covered = 0;  ///< pairs with samples on both sides of their stamp
 };
 
 /// How well one configuration's disparity range suits the recording.
@@ -33,7 +33,7 @@ struct SuitabilitySummary {
   std::string config;
   double min_depth_m = 0.0;  ///< working range of the configuration on this rig
   double max_depth_m = 0.0;
-  double share = 0.0;        ///< of the disparities that the scene shows, inside the range
+  double share = 0.0;  ///< of the disparities that the scene shows, inside the range
 };
 
 struct BagInspection {
@@ -53,8 +53,8 @@ struct BagInspection {
   bool scannable() const { return problems.empty(); }
 };
 
-/// Reads the whole recording and judges it. `config`: field, thesis, room or a file. Trouble with the
-/// file is among the problems; throws ConfigurationError for a bad configuration only.
+/// Reads the whole recording and judges it. `config`: field, thesis, room or a file. Trouble with
+/// the file is among the problems; throws ConfigurationError for a bad configuration only.
 BagInspection inspectBag(const std::string& path, const std::string& config, int threads,
                          const Topics& topics = {});
 

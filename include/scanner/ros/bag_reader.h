@@ -47,8 +47,8 @@ struct TopicStatistics {
 
 struct BagStatistics {
   TopicStatistics left, right, imu, ground_truth;
-  std::size_t frames = 0;               ///< pairs delivered
-  std::size_t unpaired_left = 0;        ///< left images without a right one of the same stamp
+  std::size_t frames = 0;         ///< pairs delivered
+  std::size_t unpaired_left = 0;  ///< left images without a right one of the same stamp
   std::size_t unpaired_right = 0;
   std::size_t images_without_info = 0;  ///< left images without a camera_info of the same stamp
   std::size_t calibration_changes = 0;  ///< camera_infos that differ from the first
@@ -94,8 +94,6 @@ class BagReader {
   const StaticTransforms& transforms() const;
   /// Pairs to expect, from the index (for a progress bar).
   std::size_t expectedFrames() const;
-  /// When the last message was recorded.
-  Time recordedUntil() const;
   /// Topics in the file, sorted, with their types ("/a sensor_msgs/Image").
   std::vector<std::string> contents() const;
 

@@ -51,8 +51,9 @@ Result<CameraModel> fromRos(const sensor_msgs::CameraInfo& message);
 sensor_msgs::CameraInfo toRos(const CameraModel& camera, const std_msgs::Header& header);
 
 /// rad/s, m/s^2 (REP-145). Orientation is absent when orientation_covariance[0] < 0 or the
-/// quaternion is all zero (both mean "no orientation"). kInvalidInput for NaN, for a quaternion that
-/// is not of unit length, and where the covariance says that rates or accelerations are absent.
+/// quaternion is all zero (both mean "no orientation"). kInvalidInput for NaN, for a quaternion
+/// that is not of unit length, and where the covariance says that rates or accelerations are
+/// absent.
 Result<ImuSample> fromRos(const sensor_msgs::Imu& message);
 /// Covariances are left 0 (unknown), orientation_covariance[0] = -1 without orientation.
 sensor_msgs::Imu toRos(const ImuSample& sample, const std::string& frame_id);

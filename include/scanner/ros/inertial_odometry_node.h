@@ -9,11 +9,13 @@ namespace scanner::bridge {
 /// Motion from inertial samples.
 ///
 /// Subscribes (relative to the node's namespace)
-///   mti/imu/data          sensor_msgs/Imu (REP-145); a sensor that is mounted turned to base_link is
+///   mti/imu/data          sensor_msgs/Imu (REP-145); a sensor that is mounted turned to base_link
+///   is
 ///                         turned with tf
 ///   registration/pose     poses found by registration, which correct the velocity
 /// Publishes
-///   odometry              nav_msgs/Odometry of base_link in odom, one per sample, at its stamp (the
+///   odometry              nav_msgs/Odometry of base_link in odom, one per sample, at its stamp
+///   (the
 ///                         first second comes late: the filters start from it)
 ///   tf odom -> base_link
 ///   /diagnostics          rates, gaps, bias, what is missing

@@ -12,13 +12,15 @@ namespace scanner::bridge {
 ///   registration/views   every view with its cloud
 ///   registration/path    which of them are registered, and where (by stamp)
 /// Publishes, in map
-///   mesh/preview         visualization_msgs/Marker TRIANGLE_LIST with colours (latched), coarsened to
+///   mesh/preview         visualization_msgs/Marker TRIANGLE_LIST with colours (latched), coarsened
+///   to
 ///                        at most ~preview_faces triangles
 ///   mesh/status          MeshStatus (latched)
 ///   /diagnostics
 /// Services
 ///   ~build               std_srvs/Trigger: makes the mesh from all registered views
-///   ~save                scanner/Save: model.ply and cloud.ply (builds first when there is no mesh)
+///   ~save                scanner/Save: model.ply and cloud.ply (builds first when there is no
+///   mesh)
 /// Parameters
 ///   scanner/{surface,scan}, or ~...: options (docs/configuration.md)
 ///   ~threads (0: all processors), ~preview_faces, ~wait_s (for views that are still on the way)

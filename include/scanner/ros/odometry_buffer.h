@@ -10,8 +10,9 @@
 
 namespace scanner::bridge {
 
-/// Pose in `frame_id`, twist in the child frame as REP-147 and nav_msgs ask for (the state's velocity
-/// is in odom), sigmas as diagonal covariance of the pose. `angular_velocity` in base_link, rad/s.
+/// Pose in `frame_id`, twist in the child frame as REP-147 and nav_msgs ask for (the state's
+/// velocity is in odom), sigmas as diagonal covariance of the pose. `angular_velocity` in
+/// base_link, rad/s.
 nav_msgs::Odometry toRos(const inertial::OdometryState& state,
                          const Eigen::Vector3d& angular_velocity, const std::string& frame_id,
                          const std::string& child_frame_id);
@@ -26,8 +27,8 @@ class OdometryBuffer {
 
   /// False (and ignored) when the stamp is not after the newest one.
   bool add(inertial::OdometryState state);
-  /// By interpolation. kNotEnoughData: not there yet, ask again. kOutOfRange: will never come (before
-  /// the first state, or in a gap).
+  /// By interpolation. kNotEnoughData: not there yet, ask again. kOutOfRange: will never come
+  /// (before the first state, or in a gap).
   Result<inertial::OdometryState> at(Time stamp) const;
   /// Forgets what is older than `stamp`, but for one state.
   void forgetBefore(Time stamp);

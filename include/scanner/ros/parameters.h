@@ -14,12 +14,13 @@ namespace scanner::bridge {
 /// Parameter server value as a tree. Throws ConfigurationError for dates and binary values.
 ParameterTree toTree(XmlRpc::XmlRpcValue value);
 
-/// The block `name` of a configuration: `scanner/<name>` in the node's namespace (where a launch file
-/// loads config/*.yaml), with `~<name>` on top. Empty object when neither is set.
+/// The block `name` of a configuration: `scanner/<name>` in the node's namespace (where a launch
+/// file loads config/*.yaml), with `~<name>` on top. Empty object when neither is set.
 ParameterTree parameterBlock(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh,
                              const std::string& name);
 
-/// The node's own parameters: all of `~` but the blocks in `blocks` and what ROS libraries put there.
+/// The node's own parameters: all of `~` but the blocks in `blocks` and what ROS libraries put
+/// there.
 ParameterTree privateParameters(const ros::NodeHandle& private_nh,
                                 const std::vector<std::string>& blocks);
 
@@ -42,8 +43,8 @@ template <typename Options>
 void loadPrivate(const ros::NodeHandle& private_nh, const std::vector<std::string>& blocks,
                  Options& options) {
   loadPrivate(
-      private_nh, blocks,
-      [](OptionVisitor& v, void* o) { describe(v, *static_cast<Options*>(o)); }, &options);
+      private_nh, blocks, [](OptionVisitor& v, void* o) { describe(v, *static_cast<Options*>(o)); },
+      &options);
 }
 
 }  // namespace scanner::bridge

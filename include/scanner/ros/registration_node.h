@@ -10,12 +10,14 @@ namespace scanner::bridge {
 ///
 /// Subscribes (relative to the node's namespace)
 ///   stereo/points                  a cloud waits until the inertial samples have passed its stamp
-///   mti/imu/data                   for the priors, in step with the clouds: what a replay gives does
+///   mti/imu/data                   for the priors, in step with the clouds: what a replay gives
+///   does
 ///                                  not depend on how fast the machine is, and equals scan_bag's
 ///   odometry                       for tf map -> odom only
 ///   bumblebee/left/camera_info     only its stamps: which clouds are still to come
 /// Publishes, in map
-///   registration/pose     PoseWithCovarianceStamped of base_link, for every registered view, at its
+///   registration/pose     PoseWithCovarianceStamped of base_link, for every registered view, at
+///   its
 ///                         stamp; covariance: of the motion since the view before
 ///   registration/path     all registered views (latched; final after ~finish)
 ///   registration/views    RegisteredView: every view with its cloud, discarded ones too
@@ -33,8 +35,9 @@ namespace scanner::bridge {
 ///   scanner/{registration,inertial,stereo,scan}, or ~...: options (docs/configuration.md)
 ///   ~autostart (true), ~start_delay_s (0), ~threads (0: all processors)
 ///   ~rig              rig file; published as tf base_link -> camera; empty: tf has it already
-///   ~out              scan folder that views and trajectory are written to as they come; empty: none
-///   ~preview_rate_hz, ~preview_voxel_m, ~finish_timeout_s, ~map_frame, ~odom_frame, ~base_frame
+///   ~out              scan folder that views and trajectory are written to as they come; empty:
+///   none ~preview_rate_hz, ~preview_voxel_m, ~finish_timeout_s, ~map_frame, ~odom_frame,
+///   ~base_frame
 ///
 /// Clouds wait in an unbounded queue whose length is in the status: a recording that comes faster
 /// than it can be registered is worked off, not thinned.

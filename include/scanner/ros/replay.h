@@ -12,15 +12,15 @@ namespace scanner::bridge {
 /// What replay_node is told to do (parameters of the same names in `~`).
 struct ReplayOptions {
   std::string bag;
-  double rate = 1.0;         ///< of real time
-  bool transforms = true;    ///< publish the recording's /tf_static
-  bool mesh = true;          ///< build the mesh at the end
-  std::string out;           ///< scan folder to fill at the end; empty: none
-  double startup_s = 60.0;   ///< how long the nodes may take to come up
+  double rate = 1.0;        ///< of real time
+  bool transforms = true;   ///< publish the recording's /tf_static
+  bool mesh = true;         ///< build the mesh at the end
+  std::string out;          ///< scan folder to fill at the end; empty: none
+  double startup_s = 60.0;  ///< how long the nodes may take to come up
 };
 void describe(OptionVisitor& v, ReplayOptions& o);
 
-/// Plays a recording (`rosbag play --clock`) to nodes that are up, then calls
+/// Plays a recording with /clock to nodes that are up, without losing a message, then calls
 /// registration_node/finish, mesh_node/build and, with a folder, both ~save services. Returns the
 /// lines that the services answered with.
 ///

@@ -12,7 +12,8 @@ namespace scanner::bridge {
 ///   bumblebee/{left,right}/image_raw, bumblebee/{left,right}/camera_info
 /// Publishes, stamped with the images' stamp, in the rectified left optical frame (the left images'
 /// frame_id + "_rectified", which the node adds to tf from camera_info's R)
-///   stereo/points                      organised PointCloud2: x y z, normal, rgb, sigma; one for every
+///   stereo/points                      organised PointCloud2: x y z, normal, rgb, sigma; one for
+///   every
 ///                                      pair, empty when the pair could not be used
 ///   stereo/disparity                   stereo_msgs/DisparityImage (when subscribed)
 ///   stereo/left/image_rect_color       (when subscribed)
@@ -23,8 +24,8 @@ namespace scanner::bridge {
 ///   ~threads                  0: all processors
 ///   ~viewfinder_width_px, ~viewfinder_quality, ~viewfinder_rate_hz
 ///
-/// Pairs wait in an unbounded queue whose length is in the diagnostics: a recording that comes faster
-/// than it can be matched is worked off, not thinned.
+/// Pairs wait in an unbounded queue whose length is in the diagnostics: a recording that comes
+/// faster than it can be matched is worked off, not thinned.
 class StereoNode {
  public:
   /// Throws ConfigurationError for bad parameters.

@@ -10,8 +10,8 @@
 
 namespace scanner::bridge {
 
-/// One worker thread and an unbounded queue, so that callbacks return at once and nothing recorded is
-/// lost; the length is there to be reported. Thread-safe.
+/// One worker thread and an unbounded queue, so that callbacks return at once and nothing recorded
+/// is lost; the length is there to be reported. Thread-safe.
 template <typename Item>
 class WorkQueue {
  public:
