@@ -43,7 +43,7 @@ function(scanner_test STAGE)
                        PROPERTIES LABELS ${STAGE} TIMEOUT 300)
   gtest_discover_tests(${target} TEST_FILTER "RealData*" TEST_LIST ${target}_real
                        DISCOVERY_TIMEOUT 60
-                       PROPERTIES LABELS "${STAGE};real_data" TIMEOUT 900
+                       PROPERTIES LABELS real_data TIMEOUT 900
                        SKIP_REGULAR_EXPRESSION "SKIPPED")
 endfunction()
 

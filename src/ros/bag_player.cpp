@@ -14,7 +14,7 @@ const ros::WallDuration kPoll(0.05);
 
 }  // namespace
 
-BagPlayer::BagPlayer(ros::NodeHandle nh, const std::string& path,
+BagPlayer::BagPlayer(const ros::NodeHandle& nh, const std::string& path,
                      const std::vector<std::string>& topics)
     : nh_(nh), bag_(path, rosbag::bagmode::Read) {
   view_ = std::make_unique<rosbag::View>(bag_, rosbag::TopicQuery(topics));

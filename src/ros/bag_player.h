@@ -21,7 +21,8 @@ namespace scanner::bridge {
 class BagPlayer {
  public:
   /// Advertises. Throws what rosbag throws.
-  BagPlayer(ros::NodeHandle nh, const std::string& path, const std::vector<std::string>& topics);
+  BagPlayer(const ros::NodeHandle& nh, const std::string& path,
+            const std::vector<std::string>& topics);
 
   /// Waits until each topic has at least as many subscribers as `subscribers` says.
   /// kNotEnoughData naming the first topic that does not.
