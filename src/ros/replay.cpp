@@ -106,7 +106,7 @@ void describe(OptionVisitor& v, ReplayOptions& o) {
   v.option("startup_s", o.startup_s, {0.0, 3600.0}, "s", "how long the nodes may take to come up");
 }
 
-Result<std::string> replay(ros::NodeHandle nh, const ReplayOptions& options) {
+Result<std::string> replay(const ros::NodeHandle& nh, const ReplayOptions& options) {
   const Topics topics;
   const std::shared_ptr<StaticBroadcast> static_tf = StaticBroadcast::shared();
   {

@@ -320,6 +320,7 @@ Result<Mesh> ballPivot(const PointCloud& cloud, const BallPivotOptions& options,
     return Status(StatusCode::kInvalidInput, "ballPivot: all points are in one place");
   }
   std::vector<double> radii_m;
+  radii_m.reserve(static_cast<std::size_t>(options.radius_count));
   for (int i = 0; i < options.radius_count; ++i) {
     radii_m.push_back(radius * std::pow(options.radius_growth, i));
   }

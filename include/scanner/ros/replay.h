@@ -26,6 +26,6 @@ void describe(OptionVisitor& v, ReplayOptions& o);
 ///
 /// kInvalidInput and friends before anything is played when the recording cannot be scanned,
 /// kNotEnoughData when the nodes do not come up, kIoError when the player or a service fails.
-Result<std::string> replay(ros::NodeHandle nh, const ReplayOptions& options);
+Result<std::string> replay(const ros::NodeHandle& nh, const ReplayOptions& options);
 
 }  // namespace scanner::bridge
