@@ -43,6 +43,26 @@ Json toTree(const std::vector<MotionRow>& rows) {
   return out;
 }
 
+Json toTree(const std::vector<ReportSampling>& rows) {
+  Json out = Json::array();
+  for (const ReportSampling& row : rows) {
+    out.push_back({{"bucket_deg", row.bucket_deg},
+                   {"buckets", row.buckets},
+                   {"empty", row.empty},
+                   {"per_bucket", row.per_bucket},
+                   {"per_bucket_sigma", row.per_bucket_sigma}});
+  }
+  return out;
+}
+
+Json toTree(const std::vector<ReportCompatible>& rows) {
+  Json out = Json::array();
+  for (const ReportCompatible& row : rows) {
+    out.push_back({{"angle_deg", row.angle_deg}, {"points", row.points}, {"share", row.share}});
+  }
+  return out;
+}
+
 Json viewCounts(const std::vector<ReportView>& views) {
   std::size_t registered = 0;
   Json discarded = Json::array();
@@ -122,7 +142,9 @@ std::string toJson(const ScanReport& report) {
   out["groups"] = report.groups;
   out["trials"] = trials;
   out["prior"] = {{"relative", toTree(summarize(report.prior_relative))},
-                  {"absolute", toTree(summarize(report.prior_absolute))}};
+                  {"absolute", toTree(summarize(report.prior_absolute))},
+                  {"group_relative", toTree(summarize(report.group_prior_relative))},
+                  {"group_absolute", toTree(summarize(report.group_prior_absolute))}};
   out["truth"] = truthTree(report.truth);
   out["loop"] = {{"closed", report.loop.closed},
                  {"residual_m", report.loop.residual_m},
@@ -134,7 +156,11 @@ std::string toJson(const ScanReport& report) {
   out["skipped"] = skipped;
   out["tables"] = {{"views", viewTable(report.views)},
                    {"prior_relative", toTree(report.prior_relative)},
-                   {"prior_absolute", toTree(report.prior_absolute)}};
+                   {"prior_absolute", toTree(report.prior_absolute)},
+                   {"group_prior_relative", toTree(report.group_prior_relative)},
+                   {"group_prior_absolute", toTree(report.group_prior_absolute)},
+                   {"sampling", toTree(report.sampling)},
+                   {"compatible", toTree(report.compatible)}};
   // Text that is no UTF-8 (a file name in a warning) must not lose the report.
   return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

@@ -1,6 +1,12 @@
-#include "pipeline/report_builder.h"
+#include "scanner/pipeline/report_builder.h"
 
 #include <sys/resource.h>
+
+#include <fstream>
+#include <map>
+#include <sstream>
+
+#include "scanner/evaluation/html_report.h"
 
 namespace scanner::pipeline {
 namespace {
@@ -75,16 +81,47 @@ void addTruth(const ReportInput& input, ScanReport& report) {
   report.truth = *std::move(errors);
 }
 
-void addModel(const ReportInput& input, ScanReport& report) {
-  const surface::MeshStatistics& model = input.surface.model;
-  if (model.faces == 0) return;
-  report.model = evaluation::ReportModel{model.vertices,           model.faces,
-                                         model.components,         model.boundary_edges,
-                                         model.non_manifold_edges, model.mean_spacing_m};
+/// What the inertial sensor said about the motion between two of the registrar's views.
+Eigen::Isometry3d priorBetween(const std::vector<registration::RegisteredView>& views, int from,
+                               int to) {
+  Eigen::Isometry3d T_from_to = Eigen::Isometry3d::Identity();
+  for (int v = from + 1; v <= to; ++v) {
+    T_from_to = T_from_to * views[static_cast<std::size_t>(v)].T_prev_prior;
+  }
+  return T_from_to;
+}
+
+/// Tables 5.5 and 5.6: groups against the one they were registered to, and against the first.
+void addGroupPriorErrors(const ReportInput& input, ScanReport& report) {
+  const auto& views = input.registrar.views();
+  const auto& groups = input.registrar.groups();
+  std::map<int, const registration::Group*> placed;
+  std::vector<evaluation::PriorPair> relative, absolute;
+  using registration::GroupPlacement;
+  for (const registration::Group& group : groups) {
+    if (group.placement == GroupPlacement::kOpen || group.placement == GroupPlacement::kFailed) {
+      continue;
+    }
+    const auto reference = placed.find(group.reference_group);
+    placed[group.id] = &group;
+    if (group.placement != GroupPlacement::kRegistered || reference == placed.end()) continue;
+    const registration::Group& first = *placed.begin()->second;
+    relative.push_back({group.reference_group, group.id,
+                        priorBetween(views, reference->second->first_view, group.first_view),
+                        group.T_reference_group});
+    absolute.push_back({first.id, group.id, priorBetween(views, first.first_view, group.first_view),
+                        first.T_map_group.inverse() * group.T_map_group});
+  }
+  report.group_prior_relative = evaluation::relativePriorErrors(relative);
+  report.group_prior_absolute = evaluation::relativePriorErrors(absolute);
+}
+
+double totalOf(const evaluation::ReportTimes& t) {
+  return t.stereo + t.inertial + t.registration + t.global + t.surface;
 }
 
 void addSkipped(const ReportInput& input, ScanReport& report) {
-  const inertial::InertialStatistics& imu = input.inertial.statistics();
+  const inertial::InertialStatistics& imu = input.inertial;
   const std::pair<const char*, std::size_t> counts[] = {
       {"inertial samples that are not finite", imu.non_finite},
       {"inertial samples that go back in time", imu.backwards},
@@ -98,7 +135,31 @@ void addSkipped(const ReportInput& input, ScanReport& report) {
 
 }  // namespace
 
-ScanReport buildReport(const ReportInput& input) {
+std::optional<evaluation::ReportModel> reportModel(const surface::MeshStatistics& model) {
+  if (model.faces == 0) return std::nullopt;
+  return evaluation::ReportModel{model.vertices,           model.faces,
+                                 model.components,         model.boundary_edges,
+                                 model.non_manifold_edges, model.mean_spacing_m};
+}
+
+Status addModelToReport(ScanFolder& folder, const surface::MeshStatistics& model, double seconds) {
+  const std::string path = folder.path() + "/report.json";
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return Status::ok();
+  std::ostringstream text;
+  text << file.rdbuf();
+  Result<ScanReport> report = evaluation::parseReport(text.str());
+  if (!report) return Status(report.status().code(), path + ": " + report.status().message());
+  report->model = reportModel(model);
+  report->time_s.surface = seconds;
+  report->time_s.total = totalOf(report->time_s);
+  if (Status status = folder.writeText("report.json", evaluation::toJson(*report)); !status) {
+    return status;
+  }
+  return evaluation::writeHtmlReport(folder.path());
+}
+
+ScanReport buildReport(const ReportInput& input, int threads) {
   ScanReport report;
   report.warnings = input.warnings;
   report.views = reportViews(input);
@@ -108,18 +169,18 @@ ScanReport buildReport(const ReportInput& input) {
     report.trials[step - 1] = static_cast<int>(trials[step]);
   }
   addPriorErrors(input, report);
+  addGroupPriorErrors(input, report);
+  report.sampling = samplingTable(input.registrar.views(), threads);
+  report.compatible = compatibleTable(input.registrar.views(), input.options, threads);
   addTruth(input, report);
-  addModel(input, report);
+  if (input.model) report.model = reportModel(*input.model);
   addSkipped(input, report);
-  report.loop.closed = input.global.loop.closed;
-  if (input.global.loop.closed) {
-    report.loop.residual_m = input.global.loop.residual_m;
-    report.loop.residual_deg = input.global.loop.residual_deg;
+  if (input.loop && input.loop->closed) {
+    report.loop = {true, input.loop->residual_m, input.loop->residual_deg};
   }
   const StageTimes& t = input.times;
-  report.time_s = {t.stereo,       t.inertial,
-                   t.registration, t.global,
-                   t.surface,      t.stereo + t.inertial + t.registration + t.global + t.surface};
+  report.time_s = {t.stereo, t.inertial, t.registration, t.global, t.surface};
+  report.time_s.total = totalOf(report.time_s);
   report.peak_memory_mb = peakMemoryMb();
   return report;
 }

@@ -1,29 +1,10 @@
 #include "scanner/pipeline/scanner.h"
 
-#include <chrono>
 #include <nlohmann/json.hpp>
 
-#include "pipeline/report_builder.h"
+#include "scanner/evaluation/html_report.h"
 
 namespace scanner::pipeline {
-namespace {
-
-using SteadyClock = std::chrono::steady_clock;
-
-/// Adds the time until its end of life to a stage's account.
-class StageTimer {
- public:
-  explicit StageTimer(double& account) : account_(account), start_(SteadyClock::now()) {}
-  ~StageTimer() { account_ += std::chrono::duration<double>(SteadyClock::now() - start_).count(); }
-  StageTimer(const StageTimer&) = delete;
-  StageTimer& operator=(const StageTimer&) = delete;
-
- private:
-  double& account_;
-  SteadyClock::time_point start_;
-};
-
-}  // namespace
 
 Scanner::Scanner(const ScannerConfig& config, const Rig& rig, const StereoCalibration& calibration,
                  int threads, ScanFolder* folder)
@@ -79,24 +60,32 @@ Status Scanner::processFrame(const PendingFrame& pending, const inertial::Odomet
   FrameOutcome outcome;
   outcome.index = pending.index;
   outcome.stamp = pending.frame.stamp;
-  Result<View> view = makeView(pending, state, &outcome);
+  Result<stereo::StereoProcessor::Output> stereo = runStereo(pending.frame);
+  Result<View> view = stereo ? makeView(pending, *stereo, state, &outcome) : stereo.status();
   Status status;
   if (view) {
     status = registerView(*std::move(view), state, &outcome);
   } else {
     outcome.reason = view.status().message();
   }
+  if (outcome.registered && folder_ != nullptr) {
+    pictures_.add(outcome.index, stereo->rectified.left_color, stereo->disparity);
+  }
   frames_.push_back(outcome);
   return status;
 }
 
-Result<View> Scanner::makeView(const PendingFrame& pending, const inertial::OdometryState& state,
-                               FrameOutcome* outcome) {
+Result<stereo::StereoProcessor::Output> Scanner::runStereo(const StereoFrame& frame) {
   const StageTimer timer(times_.stereo);
-  const Result<stereo::StereoProcessor::Output> stereo = stereo_.process(pending.frame);
-  if (!stereo) return stereo.status();
-  outcome->depth_pixels = stereo->statistics.points;
-  Result<View> view = stereo::makeView(pending.index, stereo->cloud, T_base_optical_,
+  return stereo_.process(frame);
+}
+
+Result<View> Scanner::makeView(const PendingFrame& pending,
+                               const stereo::StereoProcessor::Output& stereo,
+                               const inertial::OdometryState& state, FrameOutcome* outcome) {
+  const StageTimer timer(times_.stereo);
+  outcome->depth_pixels = stereo.statistics.points;
+  Result<View> view = stereo::makeView(pending.index, stereo.cloud, T_base_optical_,
                                        state.T_odom_base, config_.stereo.conditioning, nullptr);
   if (view) outcome->points = view->cloud.size();
   return view;
@@ -164,15 +153,39 @@ Result<evaluation::ScanReport> Scanner::finish(const std::optional<Trajectory>& 
     warnings_.push_back("no model: " + status.message());
   }
   if (const Status status = writeResults(); !status) return status;
-  const ReportInput input{registrar_, inertial_,           *global_, frames_, times_,
-                          truth,      surface_statistics_, warnings_};
-  evaluation::ScanReport report = buildReport(input);
+  evaluation::ScanReport report = makeReport(truth);
   if (folder_ != nullptr) {
-    const Status status = folder_->writeText("report.json", evaluation::toJson(report));
-    if (!status) return status;
-    folder_->removeLeftovers();
+    if (const Status status = writeReport(report); !status) return status;
   }
   return report;
+}
+
+evaluation::ScanReport Scanner::makeReport(const std::optional<Trajectory>& truth) const {
+  ReportInput input{registrar_,
+                    config_.registration,
+                    inertial_.statistics(),
+                    frames_,
+                    times_,
+                    global_->loop,
+                    truth,
+                    std::nullopt,
+                    warnings_};
+  if (model_) input.model = surface_statistics_.model;
+  return buildReport(input, threads_);
+}
+
+Status Scanner::writeReport(evaluation::ScanReport& report) {
+  const auto json = [&] { return folder_->writeText("report.json", evaluation::toJson(report)); };
+  // Nobody's scan is lost because its pictures could not be shown.
+  if (const Status drawn = pictures_.write(*folder_); !drawn) {
+    report.warnings.push_back("no sample pictures: " + drawn.message());
+  }
+  folder_->removeLeftovers();
+  if (const Status status = json(); !status) return status;
+  const Status page = evaluation::writeHtmlReport(folder_->path());
+  if (page) return page;
+  report.warnings.push_back("no report.html: " + page.message());
+  return json();
 }
 
 Status Scanner::buildModel() {

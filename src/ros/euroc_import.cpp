@@ -1,27 +1,13 @@
 #include "scanner/ros/euroc_import.h"
 
-#include <geometry_msgs/PoseStamped.h>
-#include <rosbag/bag.h>
-#include <sensor_msgs/CameraInfo.h>
-#include <sensor_msgs/Image.h>
-#include <sensor_msgs/Imu.h>
-#include <tf2_msgs/TFMessage.h>
-
-#include <boost/make_shared.hpp>
-#include <filesystem>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "ros/euroc_folder.h"
-#include "scanner/ros/bag_reader.h"
-#include "scanner/ros/conversions.h"
+#include "ros/recording_writer.h"
 
 namespace scanner::bridge {
 namespace {
-
-namespace fs = std::filesystem;
-
-constexpr const char* kRightFrame = "bumblebee_right_optical";
 
 struct Pair {
   Time stamp;
@@ -73,91 +59,60 @@ StereoCalibration rectified(const EurocFolder& euroc) {
   return out;
 }
 
-/// Writes in the order of time; the streams are sorted already.
-class EurocWriter {
- public:
-  EurocWriter(const EurocFolder& euroc, const StereoCalibration& calibration,
-              const std::string& path)
-      : euroc_(euroc), calibration_(calibration) {
-    bag_.open(path, rosbag::bagmode::Write);
-  }
-
-  void writeTransforms(Time stamp);
-  void writeImuUpTo(Time stamp);
-  void writeTruth(Time from, Time to);
-  Status writePair(const Pair& pair);
-  void close() { bag_.close(); }
-  std::size_t samples() const { return next_sample_; }
-
- private:
-  Status writeImage(const std::string& file, const CameraModel& camera, Time stamp,
-                    const std::string& frame, const std::string& image_topic,
-                    const std::string& info_topic);
-
-  const EurocFolder& euroc_;
-  const StereoCalibration& calibration_;
-  Topics topics_;
-  rosbag::Bag bag_;
-  std::size_t next_sample_ = 0;
-};
-
-void EurocWriter::writeTransforms(Time stamp) {
-  const Eigen::Isometry3d T_base_left = euroc_.T_body_imu.inverse() * euroc_.left.T_body_camera;
-  const Eigen::Isometry3d T_left_right =
-      euroc_.left.T_body_camera.inverse() * euroc_.right.T_body_camera;
-  tf2_msgs::TFMessage message;
-  message.transforms = {toRos(T_base_left, stamp, topics_.base_frame, topics_.camera_frame),
-                        toRos(T_left_right, stamp, topics_.camera_frame, kRightFrame)};
-  // Latched, so that a player offers it to nodes that come later.
-  const auto connection = boost::make_shared<ros::M_string>();
-  (*connection)["type"] = ros::message_traits::datatype(message);
-  (*connection)["md5sum"] = ros::message_traits::md5sum(message);
-  (*connection)["message_definition"] = ros::message_traits::definition(message);
-  (*connection)["latching"] = "1";
-  bag_.write(topics_.tf_static, rosTime(stamp), message, connection);
-}
-
-void EurocWriter::writeImuUpTo(Time stamp) {
-  for (; next_sample_ < euroc_.samples.size() && euroc_.samples[next_sample_].stamp <= stamp;
-       ++next_sample_) {
-    const ImuSample& sample = euroc_.samples[next_sample_];
-    bag_.write(topics_.imu, rosTime(sample.stamp), toRos(sample, topics_.base_frame));
-  }
-}
-
-void EurocWriter::writeTruth(Time from, Time to) {
-  for (const StampedPose& pose : euroc_.truth) {
-    if (pose.stamp < from || pose.stamp > to) continue;
-    geometry_msgs::PoseStamped message;
-    message.header = makeHeader(pose.stamp, "map");
-    message.pose = toRos(pose.T_map_base);
-    bag_.write(topics_.ground_truth, rosTime(pose.stamp), message);
-  }
-}
-
-Status EurocWriter::writeImage(const std::string& file, const CameraModel& camera, Time stamp,
-                               const std::string& frame, const std::string& image_topic,
-                               const std::string& info_topic) {
+Result<Image> readImage(const std::string& file, const CameraModel& camera) {
   Image image;
   image.data = cv::imread(file, cv::IMREAD_GRAYSCALE);
   if (image.data.empty()) return Status(StatusCode::kIoError, file + ": no readable picture");
   if (image.data.cols != camera.width || image.data.rows != camera.height) {
     return Status(StatusCode::kInvalidInput, file + ": the size differs from sensor.yaml's");
   }
-  const std_msgs::Header header = makeHeader(stamp, frame);
-  bag_.write(image_topic, header.stamp, toRos(image, header));
-  bag_.write(info_topic, header.stamp, toRos(camera, header));
+  return image;
+}
+
+Status writePair(const Pair& pair, const StereoCalibration& calibration, RecordingWriter& writer) {
+  Result<Image> left = readImage(pair.left, calibration.left);
+  if (!left) return left.status();
+  Result<Image> right = readImage(pair.right, calibration.right);
+  if (!right) return right.status();
+  writer.writeFrame({pair.stamp, *left, *right}, calibration);
   return Status::ok();
 }
 
-Status EurocWriter::writePair(const Pair& pair) {
-  if (Status status = writeImage(pair.left, calibration_.left, pair.stamp, topics_.camera_frame,
-                                 topics_.left_image, topics_.left_info);
-      !status) {
-    return status;
+/// What is kept of the samples and the truth.
+struct Span {
+  Time first = Time();
+  Time last = Time::max();
+};
+
+/// Samples are written in step with the pairs, so that the bag is in the order of time.
+Status writeAll(const EurocFolder& euroc, const std::vector<Pair>& pairs,
+                const StereoCalibration& calibration, const Span& span,
+                const std::function<bool(std::size_t, std::size_t)>& progress,
+                RecordingWriter& writer, EurocSummary& summary) {
+  writer.writeTransforms(std::min(pairs.front().stamp, euroc.samples.front().stamp),
+                         euroc.T_body_imu.inverse() * euroc.left.T_body_camera,
+                         euroc.left.T_body_camera.inverse() * euroc.right.T_body_camera);
+  for (const StampedPose& pose : euroc.truth) {
+    if (pose.stamp < span.first || pose.stamp > span.last) continue;
+    writer.writeTruth(pose);
+    ++summary.truth_poses;
   }
-  return writeImage(pair.right, calibration_.right, pair.stamp, kRightFrame, topics_.right_image,
-                    topics_.right_info);
+  const auto writeImuUpTo = [&](Time stamp) {
+    std::size_t& next = summary.imu_samples;
+    for (; next < euroc.samples.size() && euroc.samples[next].stamp <= stamp; ++next) {
+      writer.writeImu(euroc.samples[next]);
+    }
+  };
+  for (const Pair& pair : pairs) {
+    writeImuUpTo(pair.stamp);
+    if (Status status = writePair(pair, calibration, writer); !status) return status;
+    if (progress && !progress(++summary.pairs, pairs.size())) {
+      return Status(StatusCode::kIoError, "interrupted, nothing was written");
+    }
+  }
+  summary.pairs = pairs.size();
+  writeImuUpTo(span.last);
+  return Status::ok();
 }
 
 }  // namespace
@@ -181,38 +136,15 @@ Result<EurocSummary> importEuroc(const std::string& directory, const std::string
   if (Status status = validate(calibration); !status) {
     return Status(status.code(), directory + ": " + status.message());
   }
-  const Duration margin = fromSeconds(options.margin_s);
-  const Time last = options.limit_to_images ? pairs.back().stamp + margin : Time::max();
-  const Time first = options.limit_to_images ? pairs.front().stamp - margin : Time();
-  const std::string temporary = bag_path + ".active";
-  Status status;
-  try {
-    EurocWriter writer(euroc, calibration, temporary);
-    writer.writeTransforms(std::min(pairs.front().stamp, euroc.samples.front().stamp));
-    writer.writeTruth(first, last);
-    for (std::size_t i = 0; status && i < pairs.size(); ++i) {
-      writer.writeImuUpTo(pairs[i].stamp);
-      status = writer.writePair(pairs[i]);
-      if (progress && !progress(i + 1, pairs.size())) {
-        status = Status(StatusCode::kIoError, bag_path + ": interrupted, nothing was written");
-      }
-    }
-    if (status) writer.writeImuUpTo(last);
-    writer.close();
-    if (status) fs::rename(temporary, bag_path);
-    summary.imu_samples = writer.samples();
-  } catch (const std::exception& e) {
-    status = Status(StatusCode::kIoError, bag_path + ": cannot be written (" + e.what() + ")");
+  Span span;
+  if (options.limit_to_images) {
+    const Duration margin = fromSeconds(options.margin_s);
+    span = {pairs.front().stamp - margin, pairs.back().stamp + margin};
   }
-  if (!status) {
-    std::error_code ignored;
-    fs::remove(temporary, ignored);
-    return status;
-  }
-  for (const StampedPose& pose : euroc.truth) {
-    summary.truth_poses += pose.stamp >= first && pose.stamp <= last;
-  }
-  summary.pairs = pairs.size();
+  const Status status = writeRecording(bag_path, false, [&](RecordingWriter& writer) {
+    return writeAll(euroc, pairs, calibration, span, progress, writer, summary);
+  });
+  if (!status) return status;
   summary.focal_length_px = calibration.focalLength();
   summary.baseline_m = calibration.baseline();
   return summary;

@@ -16,6 +16,7 @@
 #include "scanner/MeshStatus.h"
 #include "scanner/RegisteredView.h"
 #include "scanner/pipeline/config.h"
+#include "scanner/pipeline/report_builder.h"
 #include "scanner/pipeline/scan_folder.h"
 #include "scanner/ros/conversions.h"
 #include "scanner/ros/parameters.h"
@@ -72,6 +73,7 @@ class MeshNode::Impl {
   // Of the service thread only.
   std::optional<Mesh> mesh_;
   PointCloud fused_;
+  surface::SurfaceStatistics statistics_;
 
   MeshStatus status_;
   ros::Publisher preview_, status_publisher_;
@@ -175,7 +177,7 @@ Outcome MeshNode::Impl::build() {
   done(MeshStatus::BUILDING, "making the surface of " + std::to_string(posed.size()) + " views");
   Result<Mesh> mesh = Status(StatusCode::kNotEnoughData, "");
   try {
-    mesh = surface::buildSurface(posed, surface_options_, threads_, nullptr, &fused_);
+    mesh = surface::buildSurface(posed, surface_options_, threads_, &statistics_, &fused_);
   } catch (const std::exception& e) {
     return done(MeshStatus::FAILED, e.what());
   }
@@ -199,6 +201,7 @@ Outcome MeshNode::Impl::save(const std::string& path) {
   }
   Status status = folder.writeModel(*mesh_);
   if (status) status = folder.writeCloud(fused_);
+  if (status) status = pipeline::addModelToReport(folder, statistics_.model, statistics_.total_s);
   if (!status) return {false, status.message()};
   return {true, "model.ply and cloud.ply written to " + path};
 }

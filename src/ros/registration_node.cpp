@@ -57,6 +57,7 @@ RegistrationNode::Impl::~Impl() {
   imu_sub_.shutdown();
   odometry_sub_.shutdown();
   info_sub_.shutdown();
+  truth_sub_.shutdown();
   map_timer_.stop();
   start_timer_.stop();
   diagnostics_.reset();
@@ -107,6 +108,7 @@ void RegistrationNode::Impl::subscribe() {
   imu_sub_ = nh_.subscribe("mti/imu/data", 0, &Impl::onImu, this, hints);
   odometry_sub_ = nh_.subscribe("odometry", 0, &Impl::onOdometry, this, hints);
   points_sub_ = nh_.subscribe("stereo/points", 0, &Impl::onCloud, this, hints);
+  truth_sub_ = nh_.subscribe("ground_truth/pose", 0, &Impl::onTruth, this, hints);
 }
 
 void RegistrationNode::Impl::onCameraInfo(const sensor_msgs::CameraInfoConstPtr& message) {
@@ -164,6 +166,14 @@ void RegistrationNode::Impl::onOdometry(const nav_msgs::OdometryConstPtr& messag
   constexpr double kHistory_s = 600.0;
   const Time oldest = waiting_.empty() ? state->stamp : fromRos(waiting_.front()->header.stamp);
   odometry_->forgetBefore(std::min(oldest, state->stamp) - fromSeconds(kHistory_s));
+}
+
+void RegistrationNode::Impl::onTruth(const geometry_msgs::PoseStampedConstPtr& message) {
+  const Result<Eigen::Isometry3d> pose = fromRos(message->pose);
+  if (!pose) return;  // no truth at this moment; the report counts the views that lack it
+  const Time stamp = fromRos(message->header.stamp);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (truth_.empty() || truth_.back().stamp < stamp) truth_.push_back({stamp, *pose});
 }
 
 void RegistrationNode::Impl::onMapTimer(const ros::TimerEvent&) {

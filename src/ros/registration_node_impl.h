@@ -1,5 +1,6 @@
 #pragma once
 
+#include <geometry_msgs/PoseStamped.h>
 #include <ros/node_handle.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_broadcaster.h>
@@ -61,6 +62,7 @@ class RegistrationNode::Impl {
   void onImu(const sensor_msgs::ImuConstPtr& message);
   void onOdometry(const nav_msgs::OdometryConstPtr& message);
   void onCameraInfo(const sensor_msgs::CameraInfoConstPtr& message);
+  void onTruth(const geometry_msgs::PoseStampedConstPtr& message);
   void onMapTimer(const ros::TimerEvent& event);
 
   void work();
@@ -82,6 +84,7 @@ class RegistrationNode::Impl {
   std::pair<bool, std::string> discardLast();
   std::pair<bool, std::string> save(const std::string& folder);
   std::size_t waitForClouds();
+  Trajectory truth() const;
   std::size_t toCome() const;
   void report(DiagnosticStatus& status);
 
@@ -101,6 +104,7 @@ class RegistrationNode::Impl {
   bool starved_ = false;  ///< the session needs more samples for the first cloud that waits
   std::uint8_t state_ = RegistrationStatus::IDLE;
   std::unique_ptr<OdometryBuffer> odometry_;
+  Trajectory truth_;          ///< for the report only
   std::set<Time> announced_;  ///< camera_infos whose clouds have not come
   std::size_t clouds_ = 0, ignored_ = 0, samples_received_ = 0;
   SteadyClock::time_point news_ = SteadyClock::now();        ///< of anything
@@ -125,7 +129,7 @@ class RegistrationNode::Impl {
   tf2_ros::TransformBroadcaster tf_broadcaster_;
   std::shared_ptr<StaticBroadcast> static_tf_ = StaticBroadcast::shared();
   ros::Publisher pose_, path_, views_, groups_, group_markers_, cloud_, status_;
-  ros::Subscriber points_sub_, imu_sub_, odometry_sub_, info_sub_;
+  ros::Subscriber points_sub_, imu_sub_, odometry_sub_, info_sub_, truth_sub_;
   ros::Timer map_timer_, start_timer_;
   std::unique_ptr<ServiceThread> services_;
   std::unique_ptr<Diagnostics> diagnostics_;

@@ -47,6 +47,11 @@ std::size_t RegistrationNode::Impl::waitForClouds() {
   return lost;
 }
 
+Trajectory RegistrationNode::Impl::truth() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return truth_;
+}
+
 std::pair<bool, std::string> RegistrationNode::Impl::finish() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -59,6 +64,7 @@ std::pair<bool, std::string> RegistrationNode::Impl::finish() {
   }
   publishStatus();
   const std::size_t lost = waitForClouds();
+  const Trajectory truth = this->truth();
   std::string summary;
   bool success = false;
   {
@@ -67,10 +73,18 @@ std::pair<bool, std::string> RegistrationNode::Impl::finish() {
     success = session_->registered() > 0;
     summary = std::to_string(session_->registered()) + " of " + std::to_string(session_->total()) +
               " views registered in " + std::to_string(outcome.groups) + " groups";
-    if (lost > 0) summary += "; " + std::to_string(lost) + " pairs never came";
-    if (!outcome.status) summary += "; no global stage: " + outcome.status.message();
+    if (lost > 0) {
+      const std::string line = std::to_string(lost) + " pairs never came";
+      session_->warn(line);
+      summary += "; " + line;
+    }
+    if (!outcome.status) {
+      const std::string line = "no global stage: " + outcome.status.message();
+      session_->warn(line);
+      summary += "; " + line;
+    }
     if (folder_) {
-      const Status written = session_->save(*folder_);
+      const Status written = session_->save(*folder_, truth);
       if (!written) summary += "; " + written.message();
       success = success && written;
     }
@@ -98,8 +112,9 @@ std::pair<bool, std::string> RegistrationNode::Impl::discardLast() {
 
 std::pair<bool, std::string> RegistrationNode::Impl::save(const std::string& path) {
   pipeline::ScanFolder folder(path);
+  const Trajectory truth = this->truth();
   const std::lock_guard<std::mutex> lock(session_mutex_);
-  const Status status = session_->save(folder);
+  const Status status = session_->save(folder, truth);
   if (!status) return {false, status.message()};
   return {true, std::to_string(session_->registered()) + " registered views written to " + path};
 }

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "scanner/evaluation/html_report.h"
 #include "scanner/ros/conversions.h"
 #include "scanner/stereo/stereo_processor.h"
 
@@ -53,19 +54,25 @@ PointCloud thinnedByVoxel(const PointCloud& cloud, double voxel_m) {
 RegistrationSession::RegistrationSession(const pipeline::ScannerConfig& config, int threads,
                                          double preview_voxel_m)
     : config_(config),
+      threads_(threads),
       preview_voxel_m_(preview_voxel_m),
       registrar_(config.registration, threads, static_cast<std::uint64_t>(config.scan.seed)),
-      inertial_(config.inertial) {}
+      inertial_(config.inertial) {
+  // Other nodes do these and do not tell how long they took.
+  times_.stereo = times_.surface = evaluation::kUnknown;
+}
 
 void RegistrationSession::addImu(const ImuSample& sample) {
+  const pipeline::StageTimer timer(times_.inertial);
   inertial_.add(sample);  // what it skips is in its statistics, and in /odometry's diagnostics
 }
 
 RegistrationSession::Outcome RegistrationSession::discard(Time stamp, const std::string& reason) {
   Outcome outcome;
-  outcome.index = static_cast<int>(total_++);
+  outcome.index = static_cast<int>(frames_.size());
   outcome.stamp = stamp;
   outcome.reason = reason;
+  frames_.push_back({outcome.index, stamp, false, reason, 0, 0, 0});
   outcome.mean_distance_m = std::numeric_limits<double>::quiet_NaN();
   newest_ = stamp;
   return outcome;
@@ -75,10 +82,11 @@ RegistrationSession::Outcome RegistrationSession::add(const OrganizedCloud& clou
                                                       const inertial::OdometryState& state,
                                                       const Eigen::Isometry3d& T_base_optical) {
   if (cloud.cloud.empty()) return discard(cloud.stamp, "the pair gave no depth");
-  Result<View> view = stereo::makeView(static_cast<int>(total_), cloud, T_base_optical,
-                                       state.T_odom_base, config_.stereo.conditioning, nullptr);
+  const auto index = static_cast<int>(frames_.size());
+  Result<View> view = stereo::makeView(index, cloud, T_base_optical, state.T_odom_base,
+                                       config_.stereo.conditioning, nullptr);
   if (!view) return discard(cloud.stamp, view.status().message());
-  ++total_;
+  frames_.push_back({index, cloud.stamp, false, "", 0, view->cloud.size(), 0});
   newest_ = cloud.stamp;
   return place(std::make_shared<const View>(std::move(*view)), state);
 }
@@ -86,7 +94,11 @@ RegistrationSession::Outcome RegistrationSession::add(const OrganizedCloud& clou
 RegistrationSession::Outcome RegistrationSession::place(std::shared_ptr<const View> view,
                                                         const inertial::OdometryState& state) {
   const Eigen::Isometry3d T_previous_current = motionSincePreviousView(state);
-  const registration::ViewOutcome result = registrar_.add(view, T_previous_current);
+  registration::ViewOutcome result;
+  {
+    const pipeline::StageTimer timer(times_.registration);
+    result = registrar_.add(view, T_previous_current);
+  }
   previous_ = state;
   thinned_.push_back(thinnedByVoxel(view->cloud, preview_voxel_m_));
   Outcome outcome;
@@ -99,6 +111,7 @@ RegistrationSession::Outcome RegistrationSession::place(std::shared_ptr<const Vi
   outcome.mean_distance_m = result.mean_distance_m;
   if (result.registered) {
     outcome.T_map_base = result.T_map_base;
+    const pipeline::StageTimer timer(times_.inertial);
     inertial_.correct(outcome.stamp, result.T_map_base);
     T_map_state_ = result.T_map_base * state.T_odom_base.inverse();
     if (result.trial > 0) {
@@ -119,17 +132,27 @@ Eigen::Isometry3d RegistrationSession::motionSincePreviousView(
     registrar_.setFirstPose(state.T_odom_base);
     return Eigen::Isometry3d::Identity();
   }
+  const pipeline::StageTimer timer(times_.inertial);
   const Result<Eigen::Isometry3d> prior = inertial_.prior(previous_->stamp, state.stamp);
   if (prior) return *prior;
   // Samples are missing in between: the orientations still tell the rotation.
+  warn("frame " + std::to_string(frames_.back().index) +
+       ": the prior is a rotation only: " + prior.status().message());
   Eigen::Isometry3d rotation = Eigen::Isometry3d::Identity();
   rotation.linear() = previous_->T_odom_base.linear().transpose() * state.T_odom_base.linear();
   return rotation;
 }
 
-registration::GlobalOutcome RegistrationSession::finish() { return registrar_.finish(); }
+registration::GlobalOutcome RegistrationSession::finish() {
+  const pipeline::StageTimer timer(times_.global);
+  const registration::GlobalOutcome outcome = registrar_.finish();
+  loop_ = outcome.loop;
+  return outcome;
+}
 
 bool RegistrationSession::discardLast() { return registrar_.discardLast(); }
+
+void RegistrationSession::warn(const std::string& line) { warnings_.push_back(line); }
 
 std::size_t RegistrationSession::registered() const {
   std::size_t n = 0;
@@ -215,7 +238,15 @@ PointCloud RegistrationSession::merged(const registration::Group& group) const {
   return cloud;
 }
 
-Status RegistrationSession::save(pipeline::ScanFolder& folder) const {
+evaluation::ScanReport RegistrationSession::report(const Trajectory& truth) const {
+  pipeline::ReportInput input{
+      registrar_, config_.registration, inertial_.statistics(), frames_,  times_,
+      loop_,      std::nullopt,         std::nullopt,           warnings_};
+  if (!truth.empty()) input.truth = truth;
+  return pipeline::buildReport(input, threads_);
+}
+
+Status RegistrationSession::save(pipeline::ScanFolder& folder, const Trajectory& truth) const {
   for (const registration::RegisteredView& view : registrar_.views()) {
     if (Status status = folder.writeView(*view.view); !status) return status;
   }
@@ -227,7 +258,11 @@ Status RegistrationSession::save(pipeline::ScanFolder& folder) const {
   if (Status status = folder.writeText("config.yaml", toYaml(dumpOptions(config_))); !status) {
     return status;
   }
-  return writeTrajectory(folder);
+  if (Status status = writeTrajectory(folder); !status) return status;
+  if (Status status = folder.writeText("report.json", evaluation::toJson(report(truth))); !status) {
+    return status;
+  }
+  return evaluation::writeHtmlReport(folder.path());
 }
 
 RegisteredView toRos(const RegistrationSession::Outcome& outcome, const std::string& map_frame,

@@ -10,8 +10,10 @@
 
 #include "scanner/GroupArray.h"
 #include "scanner/RegisteredView.h"
+#include "scanner/evaluation/report.h"
 #include "scanner/inertial/odometry.h"
 #include "scanner/pipeline/config.h"
+#include "scanner/pipeline/report_builder.h"
 #include "scanner/pipeline/scan_folder.h"
 #include "scanner/registration/registrar.h"
 
@@ -54,8 +56,10 @@ class RegistrationSession {
   Outcome discard(Time stamp, const std::string& reason);
   registration::GlobalOutcome finish();
   bool discardLast();
+  /// A line for the report.
+  void warn(const std::string& line);
 
-  std::size_t total() const { return total_; }
+  std::size_t total() const { return frames_.size(); }
   std::size_t registered() const;
   const registration::TrialStatistics& trials() const { return registrar_.trials(); }
   Trajectory trajectory() const;
@@ -67,8 +71,10 @@ class RegistrationSession {
   /// Everything registered, thinned to about one point per voxel and view, in map.
   PointCloud preview() const;
   Status writeTrajectory(pipeline::ScanFolder& folder) const;
-  /// Views, groups, trajectory and configuration.
-  Status save(pipeline::ScanFolder& folder) const;
+  /// What is known here: no model, no stereo times. `truth` may be empty.
+  evaluation::ScanReport report(const Trajectory& truth) const;
+  /// Views, groups, trajectory, configuration and reports.
+  Status save(pipeline::ScanFolder& folder, const Trajectory& truth) const;
 
  private:
   PointCloud merged(const registration::Group& group) const;
@@ -76,6 +82,7 @@ class RegistrationSession {
   Eigen::Isometry3d motionSincePreviousView(const inertial::OdometryState& state);
 
   pipeline::ScannerConfig config_;
+  int threads_;
   double preview_voxel_m_;
   registration::Registrar registrar_;
   inertial::InertialOdometry inertial_;
@@ -83,7 +90,10 @@ class RegistrationSession {
   Eigen::Isometry3d T_map_state_ =
       Eigen::Isometry3d::Identity();  ///< newest pose against inertial_
   std::vector<PointCloud> thinned_;   ///< of each of the registrar's views, in base_link
-  std::size_t total_ = 0;
+  std::vector<pipeline::FrameOutcome> frames_;
+  std::optional<registration::LoopOutcome> loop_;  ///< once the global stage has run
+  pipeline::StageTimes times_;
+  std::vector<std::string> warnings_;
   Time newest_;
 };
 

@@ -46,6 +46,18 @@ TEST(ScanFolder, ASecondScanLeavesNothingOfALongerFirstOne) {
   EXPECT_FALSE(fs::exists(place / "scan/views/view_002.ply"));
 }
 
+TEST(ScanFolder, ASecondScanLeavesNoPicturesAndNoEvaluationOfTheFirst) {
+  const test::TemporaryFolder place;
+  ASSERT_TRUE(ScanFolder(place / "scan").writePicture(3, "left", "jpeg"));
+  std::ofstream(place / "scan/deviation.json") << "{}";
+  ScanFolder second(place / "scan");
+  ASSERT_TRUE(second.writePicture(4, "left", "jpeg"));
+  second.removeLeftovers();
+  EXPECT_FALSE(fs::exists(place / "scan/pictures/view_003_left.jpg"));
+  EXPECT_TRUE(fs::exists(place / "scan/pictures/view_004_left.jpg"));
+  EXPECT_FALSE(fs::exists(place / "scan/deviation.json"));
+}
+
 TEST(ScanFolder, AnUnwritablePlaceIsRefusedAndNamed) {
   const test::TemporaryFolder place;
   std::ofstream(place / "file") << "in the way";

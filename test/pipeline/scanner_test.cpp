@@ -72,6 +72,10 @@ TEST(Scanner, ScansTheSyntheticOrbit) {
   // Depth noise is 1-2 mm at this size of picture; poses average it.
   EXPECT_LT(json["truth"]["position_rmse_m"].get<double>(), 0.010);
   EXPECT_LT(json["truth"]["rotation_rmse_deg"].get<double>(), 1.0);
+  EXPECT_FALSE(json["tables"]["group_prior_relative"].empty());
+  const std::string page = contents(place / "scan/report.html");
+  EXPECT_NE(page.find("All 8 views were registered"), std::string::npos);
+  EXPECT_NE(page.find("view 000 left disparity"), std::string::npos);
 
   ASSERT_TRUE(scanner.model().has_value());
   std::vector<double> distances;
@@ -87,6 +91,54 @@ TEST(Scanner, ScansTheSyntheticOrbit) {
                    distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2),
                    distances.end());
   EXPECT_LT(distances[distances.size() / 2], 0.003);
+}
+
+TEST(Scanner, TablesOfSamplingHaveTheShapeOfThePublishedOnes) {
+  const test::SyntheticRig rig;
+  Scanner scanner(smallConfig(), rig.rig(), rig.calibration(), 2, nullptr);
+  feed(scanner, rig);
+  const auto report = scanner.finish(std::nullopt);
+  ASSERT_TRUE(report);
+  ASSERT_EQ(report->sampling.size(), 5U);
+  double points = 0.0;
+  for (const evaluation::ReportView& view : report->views) {
+    points += static_cast<double>(view.points) / kFrames;
+  }
+  for (std::size_t i = 1; i < report->sampling.size(); ++i) {
+    const evaluation::ReportSampling &fine = report->sampling[i - 1], &row = report->sampling[i];
+    EXPECT_LT(row.buckets, fine.buckets);
+    EXPECT_LE(row.empty / row.buckets, fine.empty / fine.buckets);
+    EXPECT_GT(row.per_bucket, fine.per_bucket);
+    EXPECT_LE((row.buckets - row.empty) * row.per_bucket, 1.1 * points);
+  }
+  EXPECT_EQ(report->sampling[1].buckets, 1296.0);  // as in table 4.2
+  ASSERT_EQ(report->compatible.size(), 5U);
+  for (std::size_t i = 1; i < report->compatible.size(); ++i) {
+    EXPECT_GE(report->compatible[i].share, report->compatible[i - 1].share);
+    EXPECT_LE(report->compatible[i].share, 1.0);
+  }
+}
+
+TEST(ReportBuilder, AddsAModelToTheReportOfAnotherNode) {
+  const test::TemporaryFolder place;
+  ScanFolder folder(place / "scan");
+  const surface::MeshStatistics model{10, 20, 1, 0, 0, 0.002};
+  EXPECT_TRUE(addModelToReport(folder, model, 2.0));  // nothing there to add to
+  EXPECT_EQ(contents(place / "scan/report.json"), "");
+
+  evaluation::ScanReport report;
+  report.time_s = {1.0, 1.0, 1.0, 1.0, evaluation::kUnknown, evaluation::kUnknown};
+  ASSERT_TRUE(folder.writeText("report.json", evaluation::toJson(report)));
+  ASSERT_TRUE(addModelToReport(folder, model, 2.0));
+  const auto json = nlohmann::json::parse(contents(place / "scan/report.json"));
+  EXPECT_EQ(json["model"]["faces"], 20);
+  EXPECT_EQ(json["time_s"]["surface"], 2.0);
+  EXPECT_EQ(json["time_s"]["total"], 6.0);
+  EXPECT_NE(contents(place / "scan/report.html").find("20 triangles"), std::string::npos);
+
+  ASSERT_TRUE(folder.writeText("report.json", "{"));
+  const Status broken = addModelToReport(folder, model, 2.0);
+  EXPECT_NE(broken.message().find("report.json"), std::string::npos);
 }
 
 TEST(Scanner, SameBytesForEveryThreadCount) {

@@ -6,6 +6,7 @@
 #include <ros/init.h>
 
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "ros/bag_writer.h"
@@ -53,6 +54,17 @@ TEST(Replay, GivesTheSameFilesAsScanBag) {
     EXPECT_FALSE(contents(options.out + name).empty()) << name;
     EXPECT_EQ(contents(options.out + name), contents(request.out + name)) << name;
   }
+  const auto live_report = nlohmann::json::parse(contents(options.out + "/report.json"));
+  const auto report = nlohmann::json::parse(contents(request.out + "/report.json"));
+  for (const char* part :
+       {"views", "groups", "trials", "prior", "truth", "loop", "model", "tables"}) {
+    EXPECT_EQ(live_report[part], report[part]) << part;
+  }
+  // The stereo node does not tell how long it took.
+  EXPECT_TRUE(live_report["time_s"]["stereo"].is_null());
+  EXPECT_GT(live_report["time_s"]["surface"], 0.0);
+  EXPECT_NE(contents(options.out + "/report.html").find("<section id=\"model\">"),
+            std::string::npos);
 }
 
 }  // namespace

@@ -28,7 +28,8 @@ class BadInput(unittest.TestCase):
             self.assertIn(str(name), error)
 
     def test_usage_is_2_and_help_is_0(self):
-        for command in ("scan_bag", "import_euroc", "inspect_bag", "register_scans", "render_mesh"):
+        for command in ("scan_bag", "import_euroc", "inspect_bag", "register_scans", "render_mesh",
+                        "evaluate", "report", "simulate"):
             self.assertEqual(run(command)[0], 2, command)
             self.assertEqual(run(command, "--no-such-option")[0], 2, command)
             code, text, _ = run(command, "--help")

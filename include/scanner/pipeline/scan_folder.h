@@ -28,12 +28,15 @@ class ScanFolder {
   Status writeTrajectory(const Trajectory& trajectory);
   Status writeCloud(const PointCloud& cloud);
   Status writeModel(const Mesh& mesh);
+  /// pictures/view_NNN_NAME.jpg; `jpeg` is the content of the file.
+  Status writePicture(int index, const std::string& name, const std::string& jpeg);
   Status writeText(const std::string& name, const std::string& text);
-  /// Removes views and groups that an earlier scan left here and this one did not write.
+  /// Removes views, groups and pictures that an earlier scan left here and this one did not write,
+  /// and the evaluation of the earlier model.
   void removeLeftovers() const;
 
  private:
-  std::string numbered(const char* folder, const char* stem, int index);
+  std::string numbered(const char* folder, const char* stem, int index, const std::string& end);
 
   std::string path_;
   std::set<std::string> written_;

@@ -15,32 +15,14 @@
 #include "scanner/evaluation/report.h"
 #include "scanner/inertial/odometry.h"
 #include "scanner/pipeline/config.h"
+#include "scanner/pipeline/report_builder.h"
+#include "scanner/pipeline/sample_pictures.h"
 #include "scanner/pipeline/scan_folder.h"
 #include "scanner/registration/registrar.h"
 #include "scanner/stereo/stereo_processor.h"
 #include "scanner/surface/surface.h"
 
 namespace scanner::pipeline {
-
-/// Wall-clock seconds spent in each stage so far.
-struct StageTimes {
-  double stereo = 0.0;
-  double inertial = 0.0;
-  double registration = 0.0;
-  double global = 0.0;
-  double surface = 0.0;
-};
-
-/// What became of one stereo frame.
-struct FrameOutcome {
-  int index = -1;  ///< of the stereo frame, from 0
-  Time stamp;
-  bool registered = false;
-  std::string reason;            ///< why it was discarded; empty when registered
-  std::size_t depth_pixels = 0;  ///< with a valid disparity
-  std::size_t points = 0;        ///< left after conditioning
-  int trial = 0;  ///< step of the trial state machine that succeeded, 0 for the first
-};
 
 /// The whole pipeline on a stream of frames and inertial samples, without ROS
 /// (docs/architecture.md, "the frame's way"). Feed everything in the order of its stamps: inertial
@@ -81,13 +63,15 @@ class Scanner {
 
   Status processPending(bool last_call);
   Status processFrame(const PendingFrame& pending, const inertial::OdometryState& state);
-  Result<View> makeView(const PendingFrame& pending, const inertial::OdometryState& state,
-                        FrameOutcome* outcome);
+  Result<stereo::StereoProcessor::Output> runStereo(const StereoFrame& frame);
+  Result<View> makeView(const PendingFrame& pending, const stereo::StereoProcessor::Output& stereo,
+                        const inertial::OdometryState& state, FrameOutcome* outcome);
   Eigen::Isometry3d motionSincePreviousView(int index, const inertial::OdometryState& state);
   Status registerView(View view, const inertial::OdometryState& state, FrameOutcome* outcome);
   Status writeResults();
   Status buildModel();
   evaluation::ScanReport makeReport(const std::optional<Trajectory>& truth) const;
+  Status writeReport(evaluation::ScanReport& report);
 
   ScannerConfig config_;
   int threads_;
@@ -102,6 +86,7 @@ class Scanner {
   std::optional<inertial::OdometryState> previous_;  ///< at the view added last
   std::optional<registration::GlobalOutcome> global_;
   std::optional<Mesh> model_;
+  SamplePictures pictures_;
   surface::SurfaceStatistics surface_statistics_;
   std::vector<std::string> warnings_;
   StageTimes times_;

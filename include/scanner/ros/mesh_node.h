@@ -20,7 +20,7 @@ namespace scanner::bridge {
 /// Services
 ///   ~build               std_srvs/Trigger: makes the mesh from all registered views
 ///   ~save                scanner/Save: model.ply and cloud.ply (builds first when there is no
-///   mesh)
+///                        mesh); a report that is there gets the model's figures and pictures
 /// Parameters
 ///   scanner/{surface,scan}, or ~...: options (docs/configuration.md)
 ///   ~threads (0: all processors), ~preview_faces, ~wait_s (for views that are still on the way)

@@ -15,6 +15,8 @@ namespace scanner::bridge {
 ///                                  not depend on how fast the machine is, and equals scan_bag's
 ///   odometry                       for tf map -> odom only
 ///   bumblebee/left/camera_info     only its stamps: which clouds are still to come
+///   ground_truth/pose              PoseStamped of base_link, if somebody knows it: for the report
+///   only
 /// Publishes, in map
 ///   registration/pose     PoseWithCovarianceStamped of base_link, for every registered view, at
 ///   its
@@ -30,7 +32,8 @@ namespace scanner::bridge {
 ///   ~start ~stop      std_srvs/Trigger: clouds that come are used, or ignored (and counted)
 ///   ~finish           waits for what is under way, then closes groups and runs the global stage
 ///   ~discard_last     takes the newest view out again
-///   ~save             scanner/Save: a scan folder with views, groups and trajectory
+///   ~save             scanner/Save: a scan folder with views, groups, trajectory,
+///                     report.json and report.html
 /// Parameters
 ///   scanner/{registration,inertial,stereo,scan}, or ~...: options (docs/configuration.md)
 ///   ~autostart (true), ~start_delay_s (0), ~threads (0: all processors)

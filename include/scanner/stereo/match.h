@@ -11,7 +11,6 @@ namespace scanner::stereo {
 /// What each test removed, in pixels of the left image.
 struct MatchStatistics {
   std::size_t pixels = 0;
-  std::size_t searched = 0;        ///< pixels whose match can lie inside the right image
   std::size_t matched = 0;         ///< with a disparity after texture and uniqueness validation
   std::size_t outside = 0;         ///< best match at or beyond the edge of the right image or range
   std::size_t back_and_forth = 0;  ///< left and right disparity disagree

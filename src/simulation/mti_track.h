@@ -1,0 +1,35 @@
+#pragma once
+
+#include <vector>
+
+#include "scanner/simulation/imu_model.h"
+
+namespace scanner::simulation {
+
+/// What the sensors of the device feel at one moment.
+struct MtiReading {
+  Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();       ///< rad/s, sensor frame
+  Eigen::Vector3d linear_acceleration = Eigen::Vector3d::Zero();    ///< m/s^2, gravity included
+  Eigen::Vector3d magnetic_field = Eigen::Vector3d::Zero();         ///< 1 = the earth's field
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< sensor to ENU
+  double temperature_c = 0.0;
+};
+
+/// Samples of a simulated MTi, readable at any time: the device samples when its own clock says so,
+/// which is never exactly when the simulation did. Motion is interpolated from the truth (cubic;
+/// slerp for the orientation) and the errors are those of the nearest sample, not interpolated:
+/// blending neighbours would make the noise smaller than it was specified. Samples without truth
+/// are interpolated as they are. Before the first and after the last sample the device stands
+/// still.
+class MtiTrack {
+ public:
+  /// Throws ConfigurationError when there is no sample, times do not increase or an orientation is
+  /// missing.
+  explicit MtiTrack(std::vector<MtiSample> samples);
+  MtiReading at(double time_s) const;
+
+ private:
+  std::vector<MtiSample> samples_;
+};
+
+}  // namespace scanner::simulation
