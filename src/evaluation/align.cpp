@@ -1,6 +1,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "evaluation/surface_samples.h"
 #include "scanner/core/parallel.h"
@@ -17,6 +18,8 @@ constexpr std::size_t kGrain = 256;
 constexpr std::size_t kMinPairs = 12;
 constexpr double kTukey = 4.685;          // 95 % efficiency on normal noise
 constexpr double kMadToSigma = 1.4826;    // of normal noise
+constexpr double kStricter = 0.7;         // tolerance of an iteration over the one before
+constexpr double kFinest = 1e-7;          // of the reference's radius
 constexpr double kMinNormalCosine = 0.5;  // 60 degrees
 constexpr double kFreeDirection = 1e-7;   // of the largest eigenvalue: the shape says nothing there
 
@@ -34,16 +37,18 @@ struct NormalEquations {
   Twist b = Twist::Zero();
 };
 
-/// Iterated closest points of a set of samples, from one pose on.
+/// Iterated closest points of a set of samples, from one pose on. Unless that is known to be near,
+/// outliers are told from displacement only by and by.
 class TrimmedIcp {
  public:
   TrimmedIcp(const SurfaceSamples& samples, const SurfaceDistance& reference, double trim,
-             int threads, const Eigen::Isometry3d& start)
+             int threads, const Eigen::Isometry3d& start, bool near)
       : samples_(samples),
         reference_(reference),
         trim_(trim),
         threads_(threads),
         T_reference_model_(start),
+        tolerance_m_(near ? 0.0 : std::numeric_limits<double>::infinity()),
         pairs_(samples.points.size()) {}
 
   /// One iteration; how far it moved the model at most, in metres. kNoConvergence when too few
@@ -52,10 +57,12 @@ class TrimmedIcp {
   const Eigen::Isometry3d& pose() const { return T_reference_model_; }
   /// Median distance of all samples as paired last; robust against outliers up to a half.
   double medianDistance() const;
+  /// The weights have reached their final strictness.
+  bool annealed() const { return annealed_; }
 
  private:
   void pair();
-  double weightLimit() const;
+  double trimAndWeigh();
   NormalEquations accumulate(double limit_m, const Eigen::Vector3d& center, double radius) const;
 
   const SurfaceSamples& samples_;
@@ -63,6 +70,8 @@ class TrimmedIcp {
   double trim_;
   int threads_;
   Eigen::Isometry3d T_reference_model_;
+  double tolerance_m_;
+  bool annealed_ = false;
   std::vector<Pair> pairs_;
   std::vector<Eigen::Vector3d> surface_points_;  ///< of the iteration before: bounds for the search
 };
@@ -100,8 +109,9 @@ double TrimmedIcp::medianDistance() const {
   return *middle;
 }
 
-/// Distance from which a pair has no say: Tukey's, and at most the quantile of the trim.
-double TrimmedIcp::weightLimit() const {
+/// Leaves out the furthest pairs; returns the distance from which Tukey's function gives the others
+/// no weight, 0 when too few are left.
+double TrimmedIcp::trimAndWeigh() {
   std::vector<double> distances;
   for (const Pair& pair : pairs_) {
     if (pair.usable) distances.push_back(pair.distance_m);
@@ -110,9 +120,15 @@ double TrimmedIcp::weightLimit() const {
   std::sort(distances.begin(), distances.end());
   const auto last =
       static_cast<std::size_t>((1.0 - trim_) * static_cast<double>(distances.size() - 1));
-  const double sigma = kMadToSigma * distances[last / 2];
+  const double trimmed_m = distances[last];
+  for (Pair& pair : pairs_) pair.usable = pair.usable && pair.distance_m <= trimmed_m;
+  // A displaced side of a box is half of the points, and all of them look like outliers beside
+  // sides that slid along themselves. So the first iterations weigh all alike, and grow stricter.
+  tolerance_m_ = std::isinf(tolerance_m_) ? 2.0 * trimmed_m : kStricter * tolerance_m_;
+  const double tukey_m = kTukey * kMadToSigma * distances[last / 2];
+  annealed_ = tolerance_m_ <= tukey_m || tolerance_m_ <= kFinest * reference_.radius();
   // The floor keeps a perfect fit from weighting its own rounding.
-  return std::max(std::min(kTukey * sigma, distances[last]), 1e-7 * reference_.radius());
+  return std::max({tolerance_m_, tukey_m, kFinest * reference_.radius()});
 }
 
 NormalEquations TrimmedIcp::accumulate(double limit_m, const Eigen::Vector3d& center,
@@ -141,7 +157,7 @@ NormalEquations TrimmedIcp::accumulate(double limit_m, const Eigen::Vector3d& ce
 
 Result<double> TrimmedIcp::iterate() {
   pair();
-  const double limit_m = weightLimit();
+  const double limit_m = trimAndWeigh();
   if (limit_m <= 0.0) {
     return Status(StatusCode::kNoConvergence,
                   "alignment: almost no part of the model faces the reference");
@@ -211,20 +227,21 @@ Result<Eigen::Isometry3d> align(const Mesh& model, const SurfaceDistance& refere
     std::size_t samples;
     int iterations;
     double converged;  ///< step, as a share of the reference's radius
+    bool near;
   };
   const Result<SurfaceSamples> all = modelSamples(model, options);
   if (!all) return all.status();
   Eigen::Isometry3d T = initial;
   double step_m = 0.0;
-  for (const Level& level :
-       {Level{1000, 60, 1e-4}, Level{5000, 30, 1e-5}, Level{all->points.size(), 60, 1e-8}}) {
+  for (const Level& level : {Level{1000, 80, 1e-4, false}, Level{5000, 30, 1e-5, true},
+                             Level{all->points.size(), 60, 1e-8, true}}) {
     const SurfaceSamples samples = everyNth(*all, level.samples);
-    TrimmedIcp icp(samples, reference, options.align_trim, threads, T);
+    TrimmedIcp icp(samples, reference, options.align_trim, threads, T, level.near);
     for (int i = 0; i < level.iterations; ++i) {
       const Result<double> step = icp.iterate();
       if (!step) return step.status();
       step_m = *step;
-      if (step_m < level.converged * reference.radius()) break;
+      if (icp.annealed() && step_m < level.converged * reference.radius()) break;
     }
     T = icp.pose();
   }
@@ -256,7 +273,7 @@ Result<Eigen::Isometry3d> searchPlacement(const Mesh& model, const SurfaceDistan
       start = Eigen::AngleAxisd(2.0 * kPi * turn / kTurns, Eigen::Vector3d::UnitZ());
       start.translation() = to - start.linear() * from;
     }
-    TrimmedIcp icp(samples, reference, options.align_trim, threads, start);
+    TrimmedIcp icp(samples, reference, options.align_trim, threads, start, false);
     bool usable = true;
     for (int i = 0; usable && i < kIterations; ++i) usable = icp.iterate().isOk();
     // What the caller said counts for more than a start that is only a little nearer.

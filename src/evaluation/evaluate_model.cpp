@@ -1,3 +1,6 @@
+#include <array>
+#include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 
@@ -130,6 +133,21 @@ Status writePicture(const fs::path& path, const cv::Mat& image) {
   return writeFileAtomically(path.string(), std::string(bytes.begin(), bytes.end()));
 }
 
+/// Points of the model in the reference's frame with their deviation, m; what is not finite is left
+/// out.
+std::string pointLines(const PointCloud& points, const std::vector<float>& signed_m) {
+  std::string out;
+  std::array<char, 96> line{};
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!std::isfinite(signed_m[i])) continue;
+    const Eigen::Vector3d p = points.points[i].cast<double>();
+    const int length = std::snprintf(line.data(), line.size(), "%.9g %.9g %.9g %.9g\n", p.x(),
+                                     p.y(), p.z(), static_cast<double>(signed_m[i]));
+    out.append(line.data(), static_cast<std::size_t>(length));
+  }
+  return out;
+}
+
 Status writeFiles(const EvaluationRequest& request, const Mesh& model, const Mesh& reference,
                   const DeviationReport& report) {
   Mesh colored = colorCoded(model, report.deviation, report.range_m, request.options.outlier_m);
@@ -142,7 +160,9 @@ Status writeFiles(const EvaluationRequest& request, const Mesh& model, const Mes
         writeFileAtomically((out / "deviation.json").string(), toJson(report))}) {
     if (!status) return status;
   }
-  return Status::ok();
+  if (!request.per_point) return Status::ok();
+  return writeFileAtomically((out / "deviation.asc").string(),
+                             pointLines(colored.vertices, report.deviation.signed_m));
 }
 
 }  // namespace
@@ -178,6 +198,7 @@ Result<DeviationReport> evaluateModel(const EvaluationRequest& request,
   report.groups = tableOf(files.groups, surface, T, request, steps, report.warnings);
   steps.next("pictures");
   if (const Status status = writeFiles(request, *model, reference, report); !status) return status;
+  steps.next("done");
   return report;
 }
 

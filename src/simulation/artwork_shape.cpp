@@ -69,9 +69,8 @@ Girth girthAt(const Vector3f& p) {
 
 ArtworkShape::ArtworkShape(std::uint32_t seed)
     : seed_(seed),
-      T_plinth_map_(
-          frameAt({0.0F, 0.0F, kPlinthHalf.z()}, 11.0F + 4.0F * vary(seed, 1), 0.0F, 0.0F)
-              .inverse()),
+      T_plinth_map_(frameAt({0.0F, 0.0F, kPlinthHalf.z()}, 11.0F + 4.0F * vary(seed, 1), 0.0F, 0.0F)
+                        .inverse()),
       T_slab_map_(
           frameAt(kSlabCenter, 24.0F + 4.0F * vary(seed, 2), 5.0F, 9.0F + 3.0F * vary(seed, 3))
               .inverse()),
@@ -132,8 +131,8 @@ float ArtworkShape::torso(const Vector3f& p) const {
   return d + near * kJointDepth * groove;
 }
 
-/// Tools pressed into both faces of the slab: rings, a bowl, bars, a lattice of studs. `local`: x out
-/// of the face, y and z along it.
+/// Tools pressed into both faces of the slab: rings, a bowl, bars, a lattice of studs. `local`: x
+/// out of the face, y and z along it.
 float ArtworkShape::impressions(const Vector3f& local) const {
   const float front = kSlabHalf.x(), back = -kSlabHalf.x();
   // Swapping axes turns the torus and the cylinders, which stand along z, towards the face.
@@ -182,20 +181,22 @@ float ArtworkShape::crown(const Vector3f& p) const {
   if (away > 0.05F) return away;
   float d = local.norm() - 0.078F;
   const Eigen::AngleAxisf turn(0.6F, Vector3f(1.0F, 0.4F, 0.2F).normalized());
-  d = smoothUnion(d, boxDistance(turn * (local - Vector3f(0.0F, 0.02F, -0.012F)),
-                                 {0.062F, 0.066F, 0.052F}, 0.006F),
+  d = smoothUnion(d,
+                  boxDistance(turn * (local - Vector3f(0.0F, 0.02F, -0.012F)),
+                              {0.062F, 0.066F, 0.052F}, 0.006F),
                   0.008F);
   const Vector3f along_x(local.y(), local.z() + 0.004F, local.x());
   const Vector3f along_y(local.z() - 0.008F, local.x() - 0.012F, local.y());
   d = smoothDifference(d, cylinderDistance(along_x, 0.030F, 0.2F, 0.004F), 0.004F);
   d = smoothDifference(d, cylinderDistance(along_y, 0.024F, 0.2F, 0.004F), 0.004F);
   d = smoothDifference(d, (local - Vector3f(-0.055F, -0.05F, 0.055F)).norm() - 0.042F, 0.004F);
-  d = smoothDifference(d, boxDistance(local - Vector3f(0.075F, 0.06F, 0.045F),
-                                      {0.035F, 0.035F, 0.03F}, 0.003F),
-                       0.004F);
+  d = smoothDifference(
+      d, boxDistance(local - Vector3f(0.075F, 0.06F, 0.045F), {0.035F, 0.035F, 0.03F}, 0.003F),
+      0.004F);
   const Vector3f arc(local.x(), local.z() - 0.045F, local.y() - 0.004F);
   d = smoothUnion(d, torusDistance(arc, 0.066F, 0.0125F), kFillet);
-  d = smoothUnion(d, capsuleDistance(local, {-0.05F, 0.02F, 0.03F}, {-0.095F, 0.055F, 0.085F}, 0.013F),
+  d = smoothUnion(d,
+                  capsuleDistance(local, {-0.05F, 0.02F, 0.03F}, {-0.095F, 0.055F, 0.085F}, 0.013F),
                   kFillet);
   return smoothUnion(d, (local - Vector3f(-0.095F, 0.055F, 0.085F)).norm() - 0.021F, kFillet);
 }

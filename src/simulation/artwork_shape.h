@@ -19,9 +19,9 @@ struct TilePlace {
 };
 
 /// The statue of the scene `artwork` as an implicit solid (map frame, metres): a rough plinth, a
-/// bumpy egg, a leaning torso clad with tiles, a slab with deep impressions at its side, and a crown
-/// cut and pierced by other solids. The seed changes the roughness, the bumps and, slightly, how the
-/// pieces stand. Immutable, thread-safe.
+/// bumpy egg, a leaning torso clad with tiles, a slab with deep impressions at its side, and a
+/// crown cut and pierced by other solids. The seed changes the roughness, the bumps and, slightly,
+/// how the pieces stand. Immutable, thread-safe.
 class ArtworkShape {
  public:
   explicit ArtworkShape(std::uint32_t seed);

@@ -55,8 +55,8 @@ std::size_t BrickGrid::brickIndex(const Eigen::Vector3i& at) const {
   const Eigen::Vector3i brick = at / kEdge;
   return static_cast<std::size_t>(brick.x()) +
          static_cast<std::size_t>(brick_counts_.x()) *
-             (static_cast<std::size_t>(brick.y()) + static_cast<std::size_t>(brick_counts_.y()) *
-                                                        static_cast<std::size_t>(brick.z()));
+             (static_cast<std::size_t>(brick.y()) +
+              static_cast<std::size_t>(brick_counts_.y()) * static_cast<std::size_t>(brick.z()));
 }
 
 std::size_t BrickGrid::entry(const Eigen::Vector3i& at) const {

@@ -4,38 +4,13 @@
 #include <cmath>
 
 #include "scanner/simulation/noise.h"
+#include "simulation/shading.h"
 #include "simulation/solids.h"
 
 namespace scanner::simulation {
 namespace {
 
 using Eigen::Vector3f;
-
-Vector3f blend(const Vector3f& a, const Vector3f& b, float t) { return a + t * (b - a); }
-
-/// Noise of one octave with its share of the pixel's detail; costs nothing when too fine to see.
-float octave(const Vector3f& p, float wavelength_m, float footprint_m, std::uint32_t seed) {
-  const float weight = octaveWeight(wavelength_m, footprint_m);
-  return weight > 0.0F ? weight * gradientNoise(p / wavelength_m, seed) : 0.0F;
-}
-
-/// Likewise, and adds its slope to `relief`, the gradient of the height per wavelength.
-float reliefOctave(const Vector3f& p, float wavelength_m, float footprint_m, std::uint32_t seed,
-                   Vector3f* relief) {
-  const float weight = octaveWeight(wavelength_m, footprint_m);
-  if (weight <= 0.0F) return 0.0F;
-  Vector3f slope;
-  const float value = gradientNoise(p / wavelength_m, seed, &slope);
-  *relief += weight * slope;
-  return weight * value;
-}
-
-/// The shading normal of a surface with this relief.
-Vector3f tilted(const Vector3f& normal, const Vector3f& relief) {
-  return (normal - (relief - relief.dot(normal) * normal)).normalized();
-}
-
-Vector3f clampedAlbedo(const Vector3f& albedo) { return albedo.cwiseMax(0.015F).cwiseMin(0.9F); }
 
 /// Crystals of three kinds, each with its own brightness; blurs to the base for large pixels.
 Vector3f crystals(const Vector3f& p, const StonePalette& palette, float footprint_m,
@@ -72,8 +47,8 @@ Appearance shadeStone(const SurfacePoint& point, const StonePalette& palette, st
   albedo *= std::max(shade, 0.25F);
   const float stained = palette.stains * smoothStep(0.0F, 0.45F, streaks + 0.7F * broad);
   albedo = blend(albedo, palette.stain * shade, 0.75F * stained);
-  const float grown = smoothStep(0.30F, 0.38F, 0.8F * middle - 0.7F * broad + 0.35F * coarse -
-                                                   0.5F * (0.5F - palette.lichen));
+  const float grown = smoothStep(
+      0.30F, 0.38F, 0.8F * middle - 0.7F * broad + 0.35F * coarse - 0.5F * (0.5F - palette.lichen));
   const Vector3f lichen = palette.growth * std::max(0.9F + 1.1F * fine + 0.5F * finest, 0.2F);
   albedo = blend(albedo, lichen, 0.85F * grown);
 
@@ -96,8 +71,8 @@ Appearance shadePaint(const SurfacePoint& point, const PaintPalette& palette, st
   const float fine = reliefOctave(p, 0.0017F, f, seed + 4, &relief);
   const float finest = octave(p, 0.0007F, f, seed + 5);
 
-  const float hold = 0.9F * broad + 0.8F * middle + 0.5F * coarse + 0.22F * fine -
-                     1.3F * (palette.wear - 0.5F);
+  const float hold =
+      0.9F * broad + 0.8F * middle + 0.5F * coarse + 0.22F * fine - 1.3F * (palette.wear - 0.5F);
   const float painted = smoothStep(-0.03F, 0.03F, hold);
   const float rim = painted * (1.0F - smoothStep(0.03F, 0.09F, hold));
   const float grain = 1.0F + 0.9F * fine + 0.8F * finest;

@@ -104,10 +104,10 @@ float interpolate(const std::array<float, 8>& c, float u, float v, float w) {
 
 /// Neighbours of a cell, near ones first, so that the far ones can mostly be skipped.
 constexpr std::array<std::array<int, 3>, 27> kNeighbors = {
-    {{0, 0, 0},   {-1, 0, 0},  {1, 0, 0},   {0, -1, 0},   {0, 1, 0},   {0, 0, -1},  {0, 0, 1},
-     {-1, -1, 0}, {1, -1, 0},  {-1, 1, 0},  {1, 1, 0},    {-1, 0, -1}, {1, 0, -1},  {-1, 0, 1},
-     {1, 0, 1},   {0, -1, -1}, {0, 1, -1},  {0, -1, 1},   {0, 1, 1},   {-1, -1, -1}, {1, -1, -1},
-     {-1, 1, -1}, {1, 1, -1},  {-1, -1, 1}, {1, -1, 1},   {-1, 1, 1},  {1, 1, 1}}};
+    {{0, 0, 0},   {-1, 0, 0},  {1, 0, 0},   {0, -1, 0}, {0, 1, 0},   {0, 0, -1},   {0, 0, 1},
+     {-1, -1, 0}, {1, -1, 0},  {-1, 1, 0},  {1, 1, 0},  {-1, 0, -1}, {1, 0, -1},   {-1, 0, 1},
+     {1, 0, 1},   {0, -1, -1}, {0, 1, -1},  {0, -1, 1}, {0, 1, 1},   {-1, -1, -1}, {1, -1, -1},
+     {-1, 1, -1}, {1, 1, -1},  {-1, -1, 1}, {1, -1, 1}, {-1, 1, 1},  {1, 1, 1}}};
 
 /// Squared distance along one axis to the cell at `offset`.
 float gapSquared(float f, int offset) {
@@ -138,8 +138,8 @@ float gradientNoise(const Eigen::Vector3f& p, std::uint32_t seed, Eigen::Vector3
     gz[i] = c.gradients[i].z;
   }
   // The product rule: the corners' own slopes, and those of the weights.
-  *gradient = Eigen::Vector3f(interpolate(gx, u, v, w), interpolate(gy, u, v, w),
-                              interpolate(gz, u, v, w));
+  *gradient =
+      Eigen::Vector3f(interpolate(gx, u, v, w), interpolate(gy, u, v, w), interpolate(gz, u, v, w));
   gradient->x() += fadeSlope(l.fx) * (k[1] + k[4] * v + k[6] * w + k[7] * v * w);
   gradient->y() += fadeSlope(l.fy) * (k[2] + k[4] * u + k[5] * w + k[7] * u * w);
   gradient->z() += fadeSlope(l.fz) * (k[3] + k[5] * v + k[6] * u + k[7] * u * v);

@@ -9,9 +9,10 @@ void describe(OptionVisitor& v, SceneOptions& o) {
            "height a mesh file is scaled to; 0: as it is, in metres");
   v.option("mesh_up", o.mesh_up,
            "the file's axis that points up: x, y, z or auto (y for glTF, else z)");
-  v.option("mesh_weathered", o.mesh_weathered,
-           "a mesh without picture or vertex colours looks like old stone of its colour; else plain, "
-           "and then there is nothing for stereo to match");
+  v.option(
+      "mesh_weathered", o.mesh_weathered,
+      "a mesh without picture or vertex colours looks like old stone of its colour; else plain, "
+      "and then there is nothing for stereo to match");
   v.option("background", o.background, "trees, walls and lawn; else only ground and sky");
 }
 

@@ -8,8 +8,8 @@
 namespace scanner::simulation {
 
 /// A solid given by a function that is negative inside, zero on the surface and positive outside.
-/// `distance` must be thread-safe, continuous, and not steeper than kSteepest: parts of space further
-/// away than that tells are not looked at. It need not be an exact distance.
+/// `distance` must be thread-safe, continuous, and not steeper than kSteepest: parts of space
+/// further away than that tells are not looked at. It need not be an exact distance.
 struct Implicit {
   std::function<float(const Eigen::Vector3f&)> distance;
   Eigen::AlignedBox3f bounds;  ///< holds all of the surface

@@ -191,8 +191,6 @@ void Renderer::Impl::resolve(const Frame& frame, std::vector<Sample>& samples, c
       points[i] = embree.pointAt(embree.hitOf(rays[i]));
   }
   const std::vector<float> sun = sunlight(frame, samples, points);
-  // With several samples each stands for its share of the pixel.
-  const float share = frame.pixel_angle / std::sqrt(static_cast<float>(options.samples));
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const Sample& sample = samples[i];
     const RTCRay& ray = sample.ray.ray;
@@ -205,7 +203,7 @@ void Renderer::Impl::resolve(const Frame& frame, std::vector<Sample>& samples, c
       if (point.normal.dot(direction) > 0.0F) point.normal = -point.normal;  // seen from behind
       constexpr float kGrazing = 0.25F;
       point.footprint_m =
-          ray.tfar * share / std::sqrt(std::max(kGrazing, -point.normal.dot(direction)));
+          ray.tfar * frame.pixel_angle / std::sqrt(std::max(kGrazing, -point.normal.dot(direction)));
       const Appearance look = embree.parts()[hit.part].shader(point);
       const float open = sky ? sky->at(hit, point) : 0.5F * (1.0F + point.normal.z());
       radiance = shade(light, look, -direction, sun[i], open, options.specular);

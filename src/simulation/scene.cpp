@@ -58,8 +58,8 @@ bool before(const Vector3f& a, const Vector3f& b) {
   return std::lexicographical_compare(a.data(), a.data() + 3, b.data(), b.data() + 3);
 }
 
-/// Vertices at exactly the same place become one (parts share their borders, textured meshes are cut
-/// along seams); the first of them stays.
+/// Vertices at exactly the same place become one (parts share their borders, textured meshes are
+/// cut along seams); the first of them stays.
 Mesh welded(const Mesh& mesh) {
   const std::vector<Vector3f>& points = mesh.vertices.points;
   std::vector<std::uint32_t> order(points.size());
@@ -83,7 +83,8 @@ Mesh welded(const Mesh& mesh) {
     const std::array<std::uint32_t, 3> face = {renumbered[representative[a]],
                                                renumbered[representative[b]],
                                                renumbered[representative[c]]};
-    if (face[0] != face[1] && face[1] != face[2] && face[2] != face[0]) result.faces.push_back(face);
+    if (face[0] != face[1] && face[1] != face[2] && face[2] != face[0])
+      result.faces.push_back(face);
   }
   return result;
 }

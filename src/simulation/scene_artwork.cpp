@@ -63,9 +63,9 @@ StonePalette slabPalette() {
 
 PaintPalette crownPalette() {
   PaintPalette p;
-  p.paint = {0.07F, 0.26F, 0.25F};
+  p.paint = {0.13F, 0.29F, 0.27F};
   p.faded = {0.24F, 0.46F, 0.41F};
-  p.ground = {0.17F, 0.075F, 0.035F};
+  p.ground = {0.25F, 0.135F, 0.08F};
   p.edge = {0.60F, 0.55F, 0.44F};
   p.wear = 0.42F;
   return p;
@@ -75,9 +75,9 @@ PaintPalette crownPalette() {
 StonePalette glaze(int kind) {
   static const std::array<std::array<Vector3f, 2>, 5> kColors = {{
       {Vector3f(0.66F, 0.58F, 0.42F), Vector3f(0.28F, 0.17F, 0.08F)},
-      {Vector3f(0.55F, 0.31F, 0.09F), Vector3f(0.20F, 0.09F, 0.03F)},
-      {Vector3f(0.14F, 0.32F, 0.34F), Vector3f(0.04F, 0.10F, 0.13F)},
-      {Vector3f(0.40F, 0.13F, 0.07F), Vector3f(0.13F, 0.04F, 0.03F)},
+      {Vector3f(0.52F, 0.34F, 0.16F), Vector3f(0.22F, 0.12F, 0.06F)},
+      {Vector3f(0.20F, 0.34F, 0.35F), Vector3f(0.07F, 0.13F, 0.15F)},
+      {Vector3f(0.42F, 0.20F, 0.13F), Vector3f(0.15F, 0.07F, 0.05F)},
       {Vector3f(0.62F, 0.60F, 0.54F), Vector3f(0.18F, 0.20F, 0.24F)},
   }};
   const auto& [color, dark] = kColors[static_cast<std::size_t>(kind)];
@@ -107,7 +107,8 @@ Appearance shadeTile(const ArtworkShape& shape, const SurfacePoint& point, std::
   const float visible = octaveWeight(0.25F * kCrackCell, point.footprint_m);
   if (visible > 0.0F) {
     const Cell crack = cellularNoise(point.position, kCrackCell, seed + 2);
-    a.albedo *= 1.0F - 0.6F * visible * (1.0F - smoothStep(0.03F, 0.10F, crack.second - crack.nearest));
+    a.albedo *=
+        1.0F - 0.6F * visible * (1.0F - smoothStep(0.03F, 0.10F, crack.second - crack.nearest));
   }
   // Dirt gathers along the joints, mortar fills them.
   constexpr float kMortarHalf = 0.0026F;
@@ -116,7 +117,8 @@ Appearance shadeTile(const ArtworkShape& shape, const SurfacePoint& point, std::
   const float mortar =
       1.0F - smoothStep(kMortarHalf - 0.5F * blur, kMortarHalf + 0.5F * blur, tile.joint_m);
   if (mortar > 0.0F) {
-    const float sand = fractalNoise(point.position, 0.004F, 0.001F, 0.9F, point.footprint_m, seed + 3);
+    const float sand =
+        fractalNoise(point.position, 0.004F, 0.001F, 0.9F, point.footprint_m, seed + 3);
     const Vector3f color = Vector3f(0.31F, 0.29F, 0.25F) * std::max(1.0F + 1.6F * sand, 0.2F);
     a.albedo += mortar * (color - a.albedo);
     a.roughness += mortar * (0.9F - a.roughness);

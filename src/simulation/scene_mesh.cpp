@@ -64,10 +64,11 @@ class Texture {
     return {static_cast<float>(levels_[0].cols), static_cast<float>(levels_[0].rows)};
   }
 
-  /// Linear RGB at `uv` (v upwards from the bottom), averaged over about `texels` texels: trilinear.
+  /// Linear RGB at `uv` (v upwards from the bottom), averaged over about `texels` texels:
+  /// trilinear.
   Vector3f sample(const Vector2f& uv, float texels) const {
-    const float level = std::clamp(std::log2(std::max(texels, 1.0F)), 0.0F,
-                                   static_cast<float>(levels_.size() - 1));
+    const float level =
+        std::clamp(std::log2(std::max(texels, 1.0F)), 0.0F, static_cast<float>(levels_.size() - 1));
     const auto fine = static_cast<std::size_t>(level);
     const float blend = level - static_cast<float>(fine);
     const Vector3f color = bilinear(levels_[fine], uv);
@@ -325,10 +326,10 @@ Shader MeshImport::makeStoneShader(const aiMaterial& material, const Part& part,
   palette.bump = 0.1F;
   const auto seed = static_cast<std::uint32_t>(seed_);
   const std::shared_ptr<const Texture> occlusion =
-      part.uvs.empty() ? nullptr
-                       : textureOf(material, {aiTextureType_AMBIENT_OCCLUSION,
-                                              aiTextureType_LIGHTMAP},
-                                   Texture::Encoding::kLinear);
+      part.uvs.empty()
+          ? nullptr
+          : textureOf(material, {aiTextureType_AMBIENT_OCCLUSION, aiTextureType_LIGHTMAP},
+                      Texture::Encoding::kLinear);
   if (!occlusion) return stone(palette, seed);
   const float texel_m = texelSize(part, occlusion->size());
   return [=](const SurfacePoint& point) {

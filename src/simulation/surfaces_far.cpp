@@ -3,6 +3,7 @@
 
 #include "scanner/simulation/noise.h"
 #include "simulation/materials.h"
+#include "simulation/shading.h"
 #include "simulation/solids.h"
 
 // What stands or lies around the object: ground, bricks, plants.
@@ -12,17 +13,17 @@ namespace {
 
 using Eigen::Vector3f;
 
-Vector3f blend(const Vector3f& a, const Vector3f& b, float t) { return a + t * (b - a); }
-
-float octave(const Vector3f& p, float wavelength_m, float footprint_m, std::uint32_t seed) {
-  const float weight = octaveWeight(wavelength_m, footprint_m);
-  return weight > 0.0F ? weight * gradientNoise(p / wavelength_m, seed) : 0.0F;
-}
-
-/// Level ground would lie in a plane of the noise's lattice, where its grid shows: turned out of it.
+/// Level ground would lie in a plane of the noise's lattice, where its grid shows: this rotation
+/// turns it out of it.
 Vector3f turned(const Vector3f& p) {
-  return {0.77F * p.x() + 0.53F * p.y() - 0.35F * p.z(), -0.64F * p.x() + 0.64F * p.y() - 0.43F * p.z(),
-          0.0F * p.x() + 0.56F * p.y() + 0.83F * p.z()};
+  return Vector3f(2.0F * p.x() - p.y() + 2.0F * p.z(), 2.0F * p.x() + 2.0F * p.y() - p.z(),
+                  2.0F * p.y() + 2.0F * p.z() - p.x()) /
+         3.0F;
+}
+Vector3f turnedBack(const Vector3f& p) {
+  return Vector3f(2.0F * p.x() + 2.0F * p.y() - p.z(), 2.0F * p.y() + 2.0F * p.z() - p.x(),
+                  2.0F * p.x() - p.y() + 2.0F * p.z()) /
+         3.0F;
 }
 
 /// Coverage by a line of this half width at this distance from its middle, blurred to the pixel.
@@ -47,7 +48,8 @@ float jointsAndCracks(const Vector3f& p, float footprint_m, std::uint32_t seed) 
   constexpr float kCrackWave = 0.85F;
   constexpr float kCrackHalf = 0.0011F;
   const Vector3f bent = p + 0.02F * wander * Vector3f(1.0F, -1.0F, 0.0F);
-  const float value = gradientNoise(bent / kCrackWave + Vector3f(0.3F, 0.6F, 0.4F), seed + 2, &slope);
+  const float value =
+      gradientNoise(bent / kCrackWave + Vector3f(0.3F, 0.6F, 0.4F), seed + 2, &slope);
   const float crack = kCrackWave * std::abs(value) / std::max(slope.head<2>().norm(), 0.3F);
   return std::max(lineCoverage(joint, kJointHalf, footprint_m),
                   0.9F * lineCoverage(crack, kCrackHalf * (1.0F + wander), footprint_m));
@@ -60,12 +62,7 @@ Appearance shadeConcrete(const SurfacePoint& point, bool joints, std::uint32_t s
   const float middle = octave(p, 0.045F, f, seed + 2);
   const float coarse = octave(p, 0.009F, f, seed + 3);
   Vector3f relief = Vector3f::Zero();
-  float sand = 0.0F;
-  const float visible = octaveWeight(0.0022F, f);
-  if (visible > 0.0F) {
-    sand = visible * gradientNoise(p / 0.0022F, seed + 4, &relief);
-    relief *= 0.3F * visible;
-  }
+  const float sand = reliefOctave(p, 0.0022F, f, seed + 4, &relief);
   Vector3f albedo = blend({0.40F, 0.385F, 0.35F}, {0.27F, 0.255F, 0.23F},
                           smoothStep(-0.5F, 0.5F, broad + 0.5F * middle));
   // Worn aggregate: stones of several colours show in the mortar.
@@ -89,8 +86,8 @@ Appearance shadeConcrete(const SurfacePoint& point, bool joints, std::uint32_t s
                    jointsAndCracks(point.position, f, seed + 20));
   }
   Appearance a;
-  a.albedo = albedo.cwiseMax(0.015F).cwiseMin(0.9F);
-  a.normal = (point.normal - (relief - relief.dot(point.normal) * point.normal)).normalized();
+  a.albedo = clampedAlbedo(albedo);
+  a.normal = tilted(point.normal, 0.3F * turnedBack(relief));
   a.specular = 0.02F;
   a.roughness = 0.85F;
   return a;
@@ -104,16 +101,15 @@ Appearance shadeLawn(const SurfacePoint& point, std::uint32_t seed) {
   const float tufts = octave(p, 0.07F, f, seed + 2);
   const float blades = octave(p, 0.018F, f, seed + 3) + 0.7F * octave(p, 0.007F, f, seed + 4);
   const float light = std::max(0.62F + 0.5F * tufts + 0.9F * blades, 0.08F);
-  Vector3f albedo = light * blend({0.14F, 0.22F, 0.045F}, {0.30F, 0.29F, 0.09F},
-                                  smoothStep(-0.4F, 0.6F, broad));
+  Vector3f albedo =
+      light * blend({0.16F, 0.21F, 0.075F}, {0.29F, 0.28F, 0.12F}, smoothStep(-0.4F, 0.6F, broad));
   const Cell flower = cellularNoise(p, 0.24F, seed + 5);
   if (flower.id < 0.35F && flower.nearest * 0.24F < 0.011F) {
     albedo = flower.id < 0.2F ? Vector3f(0.75F, 0.74F, 0.68F) : Vector3f(0.70F, 0.52F, 0.04F);
   }
   Appearance a;
   a.albedo = albedo;
-  a.normal =
-      (point.normal + 0.35F * Vector3f(tufts + blades, tufts - blades, 0.0F)).normalized();
+  a.normal = (point.normal + 0.35F * Vector3f(tufts + blades, tufts - blades, 0.0F)).normalized();
   a.roughness = 0.9F;
   return a;
 }
@@ -164,7 +160,8 @@ Appearance shadeBark(const SurfacePoint& point, std::uint32_t seed) {
   const Vector3f& p = point.position;
   const float f = point.footprint_m;
   const Vector3f stretched = p.cwiseProduct(Vector3f(1.0F, 1.0F, 0.22F));
-  const float ridges = octave(stretched, 0.045F, f, seed) + 0.6F * octave(stretched, 0.018F, f, seed + 1);
+  const float ridges =
+      octave(stretched, 0.045F, f, seed) + 0.6F * octave(stretched, 0.018F, f, seed + 1);
   const float fine = octave(p, 0.009F, f, seed + 2);
   const float moss = smoothStep(0.05F, 0.4F, octave(p, 0.35F, f, seed + 3));
   Appearance a;

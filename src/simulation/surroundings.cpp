@@ -23,8 +23,7 @@ constexpr float kPi = 3.14159265F;
 
 void appendQuad(Part* part, const std::array<Vector3f, 4>& corners) {
   const auto first = static_cast<std::uint32_t>(part->vertices.size());
-  const Vector3f normal =
-      (corners[1] - corners[0]).cross(corners[3] - corners[0]).normalized();
+  const Vector3f normal = (corners[1] - corners[0]).cross(corners[3] - corners[0]).normalized();
   for (const Vector3f& corner : corners) {
     part->vertices.push_back(corner);
     part->normals.push_back(normal);
@@ -35,8 +34,8 @@ void appendQuad(Part* part, const std::array<Vector3f, 4>& corners) {
 
 /// A level rectangle at height z, seen from above.
 void appendFloor(Part* part, float x0, float x1, float y0, float y1, float z) {
-  appendQuad(part, {Vector3f(x0, y0, z), Vector3f(x1, y0, z), Vector3f(x1, y1, z),
-                    Vector3f(x0, y1, z)});
+  appendQuad(part,
+             {Vector3f(x0, y0, z), Vector3f(x1, y0, z), Vector3f(x1, y1, z), Vector3f(x0, y1, z)});
 }
 
 void appendBox(Part* part, const Vector3f& low, const Vector3f& high) {
@@ -109,8 +108,8 @@ Part makeFoliage(std::string name, const std::function<float(const Vector3f&)>& 
   const auto displaced = [&](const Vector3f& p) {
     const float d = solid(p);
     if (std::abs(d) > 1.0F) return d;
-    const float lumps = 0.16F * gradientNoise(p / 0.55F, seed) +
-                        0.07F * gradientNoise(p / 0.21F, seed + 1);
+    const float lumps =
+        0.16F * gradientNoise(p / 0.55F, seed) + 0.07F * gradientNoise(p / 0.21F, seed + 1);
     return d - lumps;
   };
   const Vector3f margin = Vector3f::Constant(0.3F);
@@ -154,7 +153,8 @@ void appendTree(const Tree& tree, std::uint32_t seed, std::vector<Part>* parts) 
   const auto crown = [&](const Vector3f& p) {
     float d = 1e3F;
     for (int i = 0; i < 7; ++i) {
-      const float turn = 2.0F * kPi * (static_cast<float>(i) / 7.0F + 0.1F * hashUnit(i, 1, 2, seed));
+      const float turn =
+          2.0F * kPi * (static_cast<float>(i) / 7.0F + 0.1F * hashUnit(i, 1, 2, seed));
       const float reach = tree.spread * (i == 0 ? 0.0F : 0.55F);
       const float rise = tree.height * (0.30F * hashUnit(i, 3, 4, seed) - 0.12F);
       const Vector3f ball = heart + Vector3f(reach * std::cos(turn), reach * std::sin(turn), rise);
@@ -165,7 +165,7 @@ void appendTree(const Tree& tree, std::uint32_t seed, std::vector<Part>* parts) 
   };
   const Vector3f half(1.35F * tree.spread, 1.35F * tree.spread, 0.95F * tree.height);
   parts->push_back(makeFoliage("crown", crown, {heart - half, heart + half}, 0.16F,
-                               {0.10F, 0.17F, 0.035F}, seed + 10));
+                               {0.12F, 0.16F, 0.06F}, seed + 10));
 }
 
 void appendBackground(std::uint32_t seed, std::vector<Part>* parts) {
@@ -183,19 +183,20 @@ void appendBackground(std::uint32_t seed, std::vector<Part>* parts) {
   parts->push_back(std::move(coping));
 
   parts->push_back(makeHedge("hedge", {-5.6F, -6.0F, -0.3F}, {-4.7F, 3.6F, 1.35F}, 0.10F,
-                             {0.085F, 0.15F, 0.04F}, seed + 10));
+                             {0.115F, 0.155F, 0.065F}, seed + 10));
   // A taller one far off closes the view all round.
-  const Vector3f dark(0.06F, 0.105F, 0.03F);
+  const Vector3f dark(0.08F, 0.11F, 0.05F);
   constexpr float kFar = 16.0F, kThick = 1.2F, kTall = 3.2F;
   const auto ring = [](const Vector3f& p) {
     const Vector3f q = p.cwiseAbs();
     const float out = std::abs(std::max(q.x(), q.y()) - kFar) - 0.5F * kThick;
     return std::max(out, p.z() - kTall);
   };
-  Part far = makeFoliage("far hedge", [=](const Vector3f& p) { return std::max(ring(p), -0.3F - p.z()); },
-                         {Vector3f(-kFar - kThick, -kFar - kThick, -0.4F),
-                          Vector3f(kFar + kThick, kFar + kThick, kTall)},
-                         0.30F, dark, seed + 20);
+  Part far = makeFoliage(
+      "far hedge", [=](const Vector3f& p) { return std::max(ring(p), -0.3F - p.z()); },
+      {Vector3f(-kFar - kThick, -kFar - kThick, -0.4F),
+       Vector3f(kFar + kThick, kFar + kThick, kTall)},
+      0.30F, dark, seed + 20);
   parts->push_back(std::move(far));
   const std::array<Tree, 6> trees = {{{{-2.2F, 8.6F, 0.0F}, 5.2F, 1.9F},
                                       {{4.6F, 10.4F, 0.0F}, 6.0F, 2.3F},

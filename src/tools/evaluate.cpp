@@ -23,9 +23,7 @@ int main(int argc, char** argv) {
   app.add_option("--outlier", options.outlier_m, "m, further points are counted only")
       ->check(metres)
       ->capture_default_str();
-  app.add_option("--coverage", options.coverage_m, "m, the reference is covered within this")
-      ->check(metres)
-      ->capture_default_str();
+  app.add_flag("--per-point", request.per_point, "write deviation.asc too: x y z deviation");
   app.add_option("--threads", request.threads, "threads to use; the result is the same")
       ->check(CLI::Range(1, 256))
       ->capture_default_str();

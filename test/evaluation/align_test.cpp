@@ -122,6 +122,16 @@ TEST_F(Align, DirectionsThatTheShapeLeavesFreeAreKept) {
   EXPECT_NEAR(found->translation().z(), 0.03, 1e-5);
 }
 
+TEST_F(Align, ASideThatIsDisplacedIsNoOutlier) {
+  // All but two sides of a cube slide along themselves and fit perfectly.
+  const Mesh cube = shapes::cube();
+  const auto T = makePose({0.02, 0.0, 0.0}, Eigen::Quaterniond::Identity());
+  const auto found = align(moved(cube, T.inverse()), SurfaceDistance(cube), cube,
+                           Eigen::Isometry3d::Identity(), {}, 2);
+  ASSERT_TRUE(found) << found.status().message();
+  expectPose(*found, T, 1e-6, 1e-4);
+}
+
 TEST_F(Align, DoesNotDependOnThreads) {
   const Mesh cloud = noisyCloud(reference_, 10000, 2e-4);
   const auto start = makePose({0.02, 0.0, 0.0}, expSo3({0.0, 0.05, 0.0}));

@@ -58,6 +58,8 @@ struct EvaluationRequest {
   std::string out;       ///< folder to fill; may be the scan folder
   bool align = false;    ///< best fit, after the placement by the truth if there is one
   double range_m = 0.0;  ///< of the colours; 0 chooses it from the 95th percentile
+  bool per_point =
+      false;  ///< write deviation.asc, `x y z deviation` a line, which CloudCompare reads
   DeviationOptions options;
   int threads = 1;
 };

@@ -50,16 +50,16 @@ struct Part {
 /// Sun and clear sky.
 struct Daylight {
   Eigen::Vector3f to_sun = Eigen::Vector3f(0.45F, -0.5F, 0.74F).normalized();
-  Eigen::Vector3f sun = Eigen::Vector3f(1.0F, 0.94F, 0.85F) * 2.0F;   ///< irradiance, normal to it
-  Eigen::Vector3f sky = Eigen::Vector3f(0.75F, 0.88F, 1.0F) * 1.2F;   ///< irradiance from all of it
-  Eigen::Vector3f zenith = Eigen::Vector3f(0.22F, 0.40F, 0.72F);      ///< radiance seen upwards
-  Eigen::Vector3f horizon = Eigen::Vector3f(0.75F, 0.80F, 0.85F);     ///< radiance seen level
+  Eigen::Vector3f sun = Eigen::Vector3f(1.0F, 0.94F, 0.85F) * 2.0F;  ///< irradiance, normal to it
+  Eigen::Vector3f sky = Eigen::Vector3f(0.75F, 0.88F, 1.0F) * 1.2F;  ///< irradiance from all of it
+  Eigen::Vector3f zenith = Eigen::Vector3f(0.22F, 0.40F, 0.72F);     ///< radiance seen upwards
+  Eigen::Vector3f horizon = Eigen::Vector3f(0.75F, 0.80F, 0.85F);    ///< radiance seen level
 };
 
 struct Scene {
   std::string name;
-  /// What is scanned. The parts of a procedural object together are watertight: where two meet, both
-  /// have the same vertices.
+  /// What is scanned. The parts of a procedural object together are watertight: where two meet,
+  /// both have the same vertices.
   std::vector<Part> object;
   std::vector<Part> surroundings;  ///< ground and background
   Daylight light;
@@ -68,16 +68,17 @@ struct Scene {
 
 /// Block `simulation.scene`.
 struct SceneOptions {
-  double detail_m = 0.002;     ///< edge length of the triangles of procedural objects
-  double mesh_height_m = 0.75; ///< height a mesh file is scaled to; 0: as it is, in metres
-  std::string mesh_up = "auto";  ///< x, y, z: the file's axis that points up; auto: y for glTF, else z
+  double detail_m = 0.002;      ///< edge length of the triangles of procedural objects
+  double mesh_height_m = 0.75;  ///< height a mesh file is scaled to; 0: as it is, in metres
+  std::string mesh_up =
+      "auto";  ///< x, y, z: the file's axis that points up; auto: y for glTF, else z
   bool mesh_weathered = true;  ///< a mesh without picture or vertex colours looks like old stone
   bool background = true;      ///< trees, walls ... around; else only ground and sky
 };
 void describe(OptionVisitor& v, SceneOptions& o);
 
-/// A statue of 0.5-0.9 m with the four surface kinds of thesis 5.1: bumpy convex, smooth tiled, flat
-/// with deep impressions, complex solid geometry; on concrete.
+/// A statue of 0.5-0.9 m with the four surface kinds of thesis 5.1: bumpy convex, smooth tiled,
+/// flat with deep impressions, complex solid geometry; on concrete.
 Scene makeArtwork(const SceneOptions& options, int seed);
 /// The lower half of a carved pole (thesis 5.4, 5.5): smooth, shallow relief, features that repeat
 /// vertically.
