@@ -70,7 +70,7 @@ class TrimmedIcp {
   double trim_;
   int threads_;
   Eigen::Isometry3d T_reference_model_;
-  double tolerance_m_;
+  double tolerance_m_;  ///< pairs nearer than this have a say, whatever the noise seems to be
   bool annealed_ = false;
   std::vector<Pair> pairs_;
   std::vector<Eigen::Vector3d> surface_points_;  ///< of the iteration before: bounds for the search

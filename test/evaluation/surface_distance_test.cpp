@@ -3,8 +3,6 @@
 #include <algorithm>
 
 #include "evaluation/shapes.h"
-#include "evaluation/triangle.h"
-#include "scanner/core/parallel.h"
 #include "scanner/evaluation/deviation.h"
 
 namespace scanner::evaluation {

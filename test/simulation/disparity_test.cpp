@@ -21,7 +21,9 @@ std::vector<double> blockMatchingErrors(const Simulation& simulation, int view) 
   const stereo::StereoProcessor stereo(cameras, options, 2);
   const Result<stereo::StereoProcessor::Output> output = stereo.process(simulation.frame(view));
   if (!output) return {};
-  const Renderer renderer(simulation.scene(), simulation.options().render, 2);
+  RenderOptions unlit;
+  unlit.sky_occlusion = false;
+  const Renderer renderer(simulation.scene(), unlit, 2);
   const Eigen::Isometry3d T_map_camera =
       simulation.motion().at(simulation.viewTime(view)).T_map_base * simulation.rig().T_base_camera;
   const cv::Mat depth = renderer.rectifiedDepth(cameras.left, T_map_camera, true);
@@ -43,7 +45,7 @@ TEST(ArtworkDisparity, BlockMatchingWithoutNoiseAgreesWithTheExactDisparity) {
   options.motion.views = 2;
   // What is left is the matcher and the renderer: no mosaic, and enough samples for the texture.
   options.sensor.format = PixelFormat::kMono8;
-  options.render.samples = 16;
+  options.render.samples = 8;
   const Simulation simulation("artwork", options, 1, Time(), 2);
   std::vector<double> errors = blockMatchingErrors(simulation, 0);
   ASSERT_GT(errors.size(), 50000U);
