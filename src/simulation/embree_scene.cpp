@@ -1,6 +1,7 @@
 #include "simulation/embree_scene.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cstring>
 #include <limits>
 #include <string>
@@ -33,6 +34,29 @@ void check(const Part& part) {
   }
 }
 
+/// Normals that are not finite or have no direction get that of a face around the vertex, so that
+/// no NaN reaches the light.
+void mendNormals(Part& part) {
+  constexpr float kTooShort = 1e-12F;
+  const auto good = [](const Eigen::Vector3f& n) {
+    return n.squaredNorm() > kTooShort;
+  };  // not NaN
+  for (const auto& face : part.faces) {
+    if (good(part.normals[face[0]]) && good(part.normals[face[1]]) && good(part.normals[face[2]])) {
+      continue;
+    }
+    const Eigen::Vector3f& a = part.vertices[face[0]];
+    const Eigen::Vector3f across =
+        (part.vertices[face[1]] - a).cross(part.vertices[face[2]] - a).normalized();
+    for (const std::uint32_t corner : face) {
+      if (!good(part.normals[corner]) && good(across)) part.normals[corner] = across;
+    }
+  }
+  for (Eigen::Vector3f& normal : part.normals) {  // of vertices that only zero-area faces use
+    if (!good(normal)) normal = Eigen::Vector3f::UnitZ();
+  }
+}
+
 void addGeometry(RTCDevice device, RTCScene scene, const Part& part, std::uint32_t id) {
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
   auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0,
@@ -45,8 +69,9 @@ void addGeometry(RTCDevice device, RTCScene scene, const Part& part, std::uint32
     rtcReleaseGeometry(geometry);
     throw ConfigurationError("scene part '" + part.name + "': no memory for its triangles");
   }
-  static_assert(sizeof(Eigen::Vector3f) == 3 * sizeof(float));
-  std::memcpy(vertices, part.vertices.data(), part.vertices.size() * sizeof(Eigen::Vector3f));
+  for (const Eigen::Vector3f& vertex : part.vertices) {
+    vertices = std::copy(vertex.data(), vertex.data() + 3, vertices);
+  }
   std::memcpy(faces, part.faces.data(), part.faces.size() * sizeof(part.faces[0]));
   rtcCommitGeometry(geometry);
   rtcAttachGeometryByID(scene, geometry, id);
@@ -65,7 +90,10 @@ RTCIntersectContext coherentContext() {
 EmbreeScene::EmbreeScene(const Scene& scene)
     : parts_(scene.object), object_parts_(scene.object.size()) {
   parts_.insert(parts_.end(), scene.surroundings.begin(), scene.surroundings.end());
-  for (const Part& part : parts_) check(part);
+  for (Part& part : parts_) {
+    check(part);
+    mendNormals(part);
+  }
   device_ = rtcNewDevice(nullptr);
   if (device_ == nullptr) throw ConfigurationError("Embree does not start on this processor");
   scene_ = rtcNewScene(device_);
@@ -82,10 +110,9 @@ EmbreeScene::~EmbreeScene() {
   rtcReleaseDevice(device_);
 }
 
-void EmbreeScene::intersect(std::vector<RTCRayHit>& rays) const {
+void EmbreeScene::intersect(RTCRayHit* rays, std::size_t count, std::size_t stride) const {
   RTCIntersectContext context = coherentContext();
-  rtcIntersect1M(scene_, &context, rays.data(), static_cast<unsigned>(rays.size()),
-                 sizeof(RTCRayHit));
+  rtcIntersect1M(scene_, &context, rays, static_cast<unsigned>(count), stride);
 }
 
 void EmbreeScene::occluded(std::vector<RTCRay>& rays) const {
@@ -114,7 +141,7 @@ SurfacePoint EmbreeScene::pointAt(const SurfaceHit& hit) const {
   point.normal =
       w * part.normals[face[0]] + hit.u * part.normals[face[1]] + hit.v * part.normals[face[2]];
   const float length = point.normal.norm();
-  constexpr float kTooShort = 1e-6F;  // also when a normal of the part is NaN
+  constexpr float kTooShort = 1e-6F;  // opposite normals cancel each other
   point.normal = length > kTooShort ? Eigen::Vector3f(point.normal / length) : geometricNormal(hit);
   point.uv.setZero();
   if (!part.uvs.empty()) {

@@ -28,8 +28,9 @@ class EmbreeScene {
   EmbreeScene(const EmbreeScene&) = delete;
   EmbreeScene& operator=(const EmbreeScene&) = delete;
 
-  /// A stream of rays with a common origin or direction; much faster together than one by one.
-  void intersect(std::vector<RTCRayHit>& rays) const;
+  /// A stream of `count` rays with about a common origin or direction, `stride` bytes from one to
+  /// the next; much faster together than one by one.
+  void intersect(RTCRayHit* rays, std::size_t count, std::size_t stride = sizeof(RTCRayHit)) const;
   /// tfar of a ray becomes negative when something is in its way.
   void occluded(std::vector<RTCRay>& rays) const;
 

@@ -84,7 +84,8 @@ float gloss(const Appearance& look, const Vector3f& to_eye, const Vector3f& to_l
   const float facets = alpha * alpha / (kPi * spread * spread);
   const float k = 0.5F * alpha;
   const float shadowing = 1.0F / ((n_l * (1.0F - k) + k) * (n_v * (1.0F - k) + k));
-  const float grazing = std::pow(1.0F - std::max(0.0F, half.dot(to_eye)), 5.0F);
+  const float away = 1.0F - std::max(0.0F, half.dot(to_eye));
+  const float grazing = (away * away) * (away * away) * away;
   const float fresnel = look.specular + (1.0F - look.specular) * grazing;
   return 0.25F * facets * fresnel * shadowing * n_l;
 }
@@ -171,7 +172,7 @@ Vector3f shade(const Daylight& light, const Appearance& look, const Vector3f& to
   const Vector3f irradiance = facing * light.sun + sky * light.sky + (1.0F - sky) * bounced;
   Vector3f radiance = look.albedo.cwiseProduct(irradiance) / kPi;
   if (specular && look.specular > 0.0F) {
-    radiance += sun * gloss(look, to_eye, light.to_sun) * light.sun;
+    if (facing > 0.0F) radiance += sun * gloss(look, to_eye, light.to_sun) * light.sun;
     radiance += look.specular * sky * light.sky / kPi;
   }
   return radiance;

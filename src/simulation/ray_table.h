@@ -12,12 +12,12 @@ namespace scanner::simulation {
 class RayTable {
  public:
   /// Throws ConfigurationError for a distortion model that is not known or cannot be undone.
-  explicit RayTable(const CameraModel& camera);
+  RayTable(const CameraModel& camera, int threads);
   /// (du, dv): from the centre of pixel (col, row), within about a pixel.
   Eigen::Vector3f direction(int col, int row, float du, float dv) const;
 
  private:
-  Eigen::Vector2f at(int col, int row) const;
+  const Eigen::Vector2f& at(int col, int row) const;
 
   int width_;
   int height_;

@@ -66,6 +66,21 @@ TEST(SimulatedRigTest, EffectsCanBeSwitchedOff) {
   EXPECT_NE(real.calibration.left.D, real.calibration.right.D);
 }
 
+TEST(SimulatedRigTest, RawPicturesCoverTheRectifiedOnes) {
+  for (const int seed : {1, 2, 3, 4, 5, 6}) {
+    const StereoCalibration c = makeRig(RigOptions(), seed).calibration;
+    for (const CameraModel& camera : {c.left, c.right}) {
+      const cv::Size size(camera.width, camera.height);
+      cv::Mat x, y;
+      cv::initUndistortRectifyMap(test::toCv(camera.K), camera.D, test::toCv(camera.R),
+                                  test::toCv(camera.P.leftCols<3>()), size, CV_32FC1, x, y);
+      const cv::Mat inside = (x > -0.5F) & (x < static_cast<float>(size.width) - 0.5F) &
+                             (y > -0.5F) & (y < static_cast<float>(size.height) - 0.5F);
+      EXPECT_GT(cv::countNonZero(inside), 0.98 * static_cast<double>(size.area())) << seed;
+    }
+  }
+}
+
 TEST(SimulatedRigTest, ResolutionScalesTheLens) {
   RigOptions small;
   small.width_px = 640;
