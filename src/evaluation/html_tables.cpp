@@ -247,6 +247,7 @@ std::string deviationTable(const std::string& caption, const std::vector<Deviati
         thesis = {"<em>published mean</em>"};
   for (std::size_t i = 0; i < published.size(); ++i) {
     std::vector<double> samples;
+    samples.reserve(rows.size());
     for (const DeviationFigures& row : rows) samples.push_back(1e3 * (row.*kDeviationColumns[i]));
     const Statistics statistics = summarize(samples);
     median.push_back(fixed(statistics.median, 2));
