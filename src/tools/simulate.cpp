@@ -3,6 +3,7 @@
 #include <thread>
 
 #include "scanner/core/ply.h"
+#include "scanner/core/trajectory_io.h"
 #include "scanner/ros/simulation_bag.h"
 #include "scanner/simulation/motion_statistics.h"
 #include "tools/progress_bar.h"
@@ -26,7 +27,7 @@ struct Request {
 void addOptions(CLI::App& app, Request& r) {
   app.add_option("--scene", r.scene, "artwork, totem, target, or the path of a textured mesh")
       ->required();
-  app.add_option("--out", r.out, "recording to write; OUT.reference.ply beside it")->required();
+  app.add_option("--out", r.out, "recording to write; OUT.reference.ply and OUT.truth.tum beside it")->required();
   app.add_option("--frames", r.views, "views of the whole motion (default: the configuration's)")
       ->check(CLI::PositiveNumber);
   app.add_option("--first", r.bag.first_view, "first view to write")->check(CLI::NonNegativeNumber);
@@ -65,6 +66,7 @@ int simulate(const Request& request) {
                                              bar.show(done, total, "");
                                              return !interrupted;
                                            }));
+  require(scanner::writeTum(request.out + ".truth.tum", simulation.truth()));
   require(scanner::writePly(request.out + ".reference.ply", referenceMesh(simulation.scene())));
   std::printf(
       "%s: %d views at %g Hz\n%s", request.out.c_str(), simulation.views(),
