@@ -27,7 +27,9 @@ struct Request {
 void addOptions(CLI::App& app, Request& r) {
   app.add_option("--scene", r.scene, "artwork, totem, target, or the path of a textured mesh")
       ->required();
-  app.add_option("--out", r.out, "recording to write; OUT.reference.ply and OUT.truth.tum beside it")->required();
+  app.add_option("--out", r.out,
+                 "recording to write; OUT.reference.ply and OUT.truth.tum beside it")
+      ->required();
   app.add_option("--frames", r.views, "views of the whole motion (default: the configuration's)")
       ->check(CLI::PositiveNumber);
   app.add_option("--first", r.bag.first_view, "first view to write")->check(CLI::NonNegativeNumber);
