@@ -21,18 +21,18 @@ struct MotionState {
 /// Block `simulation.motion`.
 struct MotionOptions {
   int views = 50;
-  double view_rate_hz = 1.82;   ///< rate of the pictures the motion is made for
-  double still_s = 3.0;         ///< standing still before the first step, and 1 s at the end
-  double tremor_m = 0.0015;     ///< the hand's tremor, RMS of the displacement; a tenth at rest
-  double tremor_deg = 0.25;     ///< likewise, of the rotation
-  bool pauses = true;           ///< the hand rests and hurries: steps of unequal length
+  double view_rate_hz = 1.82;  ///< rate of the pictures the motion is made for
+  double still_s = 3.0;        ///< standing still before the first step, and 1 s at the end
+  double tremor_m = 0.0015;    ///< the hand's tremor, RMS of the displacement; a tenth at rest
+  double tremor_deg = 0.25;    ///< likewise, of the rotation
+  bool pauses = true;          ///< the hand rests and hurries: steps of unequal length
 };
 void describe(OptionVisitor& v, MotionOptions& o);
 
 /// What the path goes round, from the scene.
 struct MotionSubject {
-  Eigen::AlignedBox3d bounds;            ///< of the object, map, m
-  Eigen::Isometry3d T_base_camera;       ///< raw left optical to base_link
+  Eigen::AlignedBox3d bounds;       ///< of the object, map, m
+  Eigen::Isometry3d T_base_camera;  ///< raw left optical to base_link
   std::string path = "orbit";  ///< orbit: closed loop round the object (artwork, meshes, target);
                                ///< passes: up, down, up along one side (totem)
 };
