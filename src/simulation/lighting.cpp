@@ -117,10 +117,10 @@ SkyVisibility::SkyVisibility(const EmbreeScene& scene, const Eigen::AlignedBox3f
     std::vector<RTCRay> rays;
     const auto cells = static_cast<std::size_t>(ground_cells_);
     for (std::size_t k = begin; k < end; ++k) {
+      const std::size_t column = k % cells, row = k / cells;
       Vector3f place(0.0F, 0.0F, 0.002F);
-      place.head<2>() =
-          ground_origin_ + kGroundCell_m * Eigen::Vector2f(static_cast<float>(k % cells),
-                                                           static_cast<float>(k / cells));
+      place.head<2>() = ground_origin_ + kGroundCell_m * Eigen::Vector2f(static_cast<float>(column),
+                                                                         static_cast<float>(row));
       ground_[k] = visibleSky(scene, directions, place, Vector3f::UnitZ(), rays);
     }
   });

@@ -41,7 +41,7 @@ struct Turning {
 /// A camera carried through knots, with tremor; gives the state of base_link.
 class HandHeldMotion : public Motion {
  public:
-  HandHeldMotion(StepCurve curve, Tremor tremor, const Eigen::Isometry3d& T_base_camera,
+  HandHeldMotion(StepCurve curve, const Tremor& tremor, const Eigen::Isometry3d& T_base_camera,
                  double duration_s)
       : curve_(std::move(curve)),
         tremor_(tremor),

@@ -65,7 +65,7 @@ Mesh welded(const Mesh& mesh) {
   std::vector<std::uint32_t> order(points.size());
   std::iota(order.begin(), order.end(), 0U);
   std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    return before(points[a], points[b]) || (points[a] == points[b] && a < b);
+    return before(points[a], points[b]) || (a < b && points[a] == points[b]);
   });
   std::vector<std::uint32_t> representative(points.size());
   for (std::size_t i = 0; i < order.size(); ++i) {

@@ -110,7 +110,7 @@ StereoFrame Simulation::expose(int view, const StereoRadiance& radiance,
                                const Exposure& exposure) const {
   const auto noiseSeed = [&](int eye) {
     return mixSeed(static_cast<std::uint64_t>(streamSeed(seed_, kNoiseStream)),
-                   static_cast<std::uint64_t>(2 * view + eye));
+                   2U * static_cast<std::uint64_t>(view) + static_cast<std::uint64_t>(eye));
   };
   StereoFrame frame;
   frame.stamp = viewStamp(view);
@@ -125,11 +125,13 @@ StereoFrame Simulation::frame(int view) const { return expose(view, radiance(vie
 Trajectory Simulation::truth() const {
   std::vector<Time> stamps;
   const int count = static_cast<int>(motion_->duration() * options_.truth_rate_hz) + 1;
+  stamps.reserve(static_cast<std::size_t>(count + views()));
   for (int i = 0; i < count; ++i) stamps.push_back(stampAt(i / options_.truth_rate_hz));
   for (int view = 0; view < views(); ++view) stamps.push_back(viewStamp(view));
   std::sort(stamps.begin(), stamps.end());
   stamps.erase(std::unique(stamps.begin(), stamps.end()), stamps.end());
   Trajectory truth;
+  truth.reserve(stamps.size());
   for (const Time stamp : stamps) {
     truth.push_back({stamp, motion_->at(toSeconds(stamp - start_)).T_map_base});
   }
