@@ -125,7 +125,7 @@ StereoFrame Simulation::frame(int view) const { return expose(view, radiance(vie
 Trajectory Simulation::truth() const {
   std::vector<Time> stamps;
   const int count = static_cast<int>(motion_->duration() * options_.truth_rate_hz) + 1;
-  stamps.reserve(static_cast<std::size_t>(count + views()));
+  stamps.reserve(static_cast<std::size_t>(count) + static_cast<std::size_t>(views()));
   for (int i = 0; i < count; ++i) stamps.push_back(stampAt(i / options_.truth_rate_hz));
   for (int view = 0; view < views(); ++view) stamps.push_back(viewStamp(view));
   std::sort(stamps.begin(), stamps.end());
