@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <thread>
 
+#include "ros/device_bring_up.h"
 #include "ros/diagnostics.h"
 #include "ros/scan_services.h"
 #include "ros/simulated_rig.h"
@@ -44,6 +45,7 @@ void describe(OptionVisitor& v, RigSimulatorOptions& o) {
   v.option("prerender", o.prerender, "render all views before the motion starts");
   v.option("devices", o.devices, "emulate the two devices; else publish the sensors' topics");
   v.option("finish", o.finish, "finish the scan when the motion has ended, then exit");
+  v.option("start_scan", o.start_scan, "with devices: start the scan when the motion begins");
   v.option("mesh", o.mesh, "build the mesh then");
   v.option("out", o.out, "scan folder to fill then; empty: none");
   v.option("startup_s", o.startup_s, {0.0, 3600.0}, "s", "how long the nodes may take to come up");
@@ -72,6 +74,7 @@ class RigSimulatorNode::Impl {
   Status writeReference() const;
   bool waitForRendering();
   void makeRig();
+  Status bringUpDevices();
   void offerServices(SimulatedDevices& devices);
   void report(DiagnosticStatus& status);
 
@@ -81,6 +84,7 @@ class RigSimulatorNode::Impl {
   std::unique_ptr<FrameStore> frames_;
   std::mutex mutex_;  ///< of rig_, which the diagnostics look at
   std::shared_ptr<SimulatedRig> rig_;
+  std::shared_ptr<SimulatedDevices> devices_;  ///< the same, when it is devices
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<Diagnostics> diagnostics_;
 };
@@ -103,12 +107,20 @@ void RigSimulatorNode::Impl::makeRig() {
                                           options_.camera_serial};
     auto devices = std::make_shared<SimulatedDevices>(nh_, *simulation_, *frames_, where);
     offerServices(*devices);
+    devices_ = devices;
     rig = devices;
   } else {
     rig = makeSimulatedTopics(nh_, *simulation_, *frames_);
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   rig_ = rig;
+}
+
+Status RigSimulatorNode::Impl::bringUpDevices() {
+  if (!devices_) return Status::ok();
+  ROS_INFO("the devices are there; waiting for the drivers");
+  const double patience_s = options_.finish ? options_.startup_s : 0.0;
+  return bringUp(nh_, simulation_->rig().calibration, options_.start_scan, patience_s, *devices_);
 }
 
 void RigSimulatorNode::Impl::offerServices(SimulatedDevices& devices) {
@@ -178,6 +190,7 @@ Result<std::string> RigSimulatorNode::Impl::run() {
     const Status ready = waitForNodes(nh_, Topics(), end, options_.startup_s);
     if (!ready) return ready;
   }
+  if (const Status up = bringUpDevices(); !up) return up;
   std::thread watch([this] {
     ros::waitForShutdown();
     rig_->stop();

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <optional>
 
 #include "ros/simulated_rig.h"
@@ -52,28 +53,60 @@ EmulatedBumblebee::Options cameraOptions(const SimulatedDevices::Options& option
 
 }  // namespace
 
+/// The picture that will be asked for next, made while the camera waits: a real one does not take
+/// longer for a picture with more noise. Called from one thread.
+class NextPicture {
+ public:
+  explicit NextPicture(const FrameStore& frames) : frames_(frames) {}
+
+  std::optional<StereoFrame> take(int view, const Exposure& exposure) {
+    const bool prepared = next_.valid() && view == view_ &&
+                          exposure.exposure_s == exposure_.exposure_s &&
+                          exposure.gain_db == exposure_.gain_db;
+    return prepared ? next_.get() : frames_.frame(view, exposure);
+  }
+  void prepare(int view, const Exposure& exposure) {
+    if (next_.valid()) next_.wait();
+    view_ = view;
+    exposure_ = exposure;
+    next_ = std::async(std::launch::async,
+                       [this, view, exposure] { return frames_.frame(view, exposure); });
+  }
+
+ private:
+  const FrameStore& frames_;
+  int view_ = -1;
+  Exposure exposure_;
+  std::future<std::optional<StereoFrame>> next_;
+};
+
 class SimulatedDevices::Impl {
  public:
   Impl(const ros::NodeHandle& nh, const Simulation& simulation, FrameStore& frames,
        const Options& options)
       : simulation_(simulation),
         frames_(frames),
+        next_picture_(frames),
         truth_(nh, simulation),
         mti_(mtiOptions(options), samplesFrom(simulation, simulation.viewTime(0))),
         camera_(cameraOptions(options, simulation),
-                [this](std::uint64_t, const Exposure& exposure) { return take(exposure); }) {}
+                [this](std::uint64_t, const Exposure& exposure) { return take(exposure); }) {
+    built_ = true;
+  }
 
   void run() {
     Pacer pacer;
     pacer.begin(Duration(0));
     const double step = 1.0 / simulation_.options().imu.rate_hz;
     for (double next = 0.0; !ended() && !stopped_; next += step) {
-      if (std::optional<double> time = motionTime())
-        truth_.publish(*time, fromRos(ros::Time::now()));
+      const Time now = fromRos(ros::Time::now());
+      if (std::optional<double> time = motionTime(now)) truth_.publish(*time, now);
       if (!pacer.waitUntil(next)) return;
     }
   }
   void stop() { stopped_ = true; }
+  void allowMotion() { may_move_ = true; }
+  bool settled() const { return settled_; }
 
   SimulatedRigStatistics statistics() const {
     return {frames_.rendered(), shown_.load(), missed_.load()};
@@ -83,38 +116,44 @@ class SimulatedDevices::Impl {
   EmulatedBumblebee& camera() { return camera_; }
 
  private:
-  using Clock = std::chrono::steady_clock;
-
-  /// Time on the motion's clock since the motion began.
-  std::optional<double> motionTime() const {
+  /// Time on the motion's clock at `now` of the wall clock, once the motion has begun.
+  std::optional<double> motionTime(Time now) const {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (!begun_) return std::nullopt;
-    return simulation_.viewTime(0) + std::chrono::duration<double>(Clock::now() - *begun_).count();
+    return simulation_.viewTime(0) + toSeconds(now - *begun_);
   }
   bool ended() const {
-    const std::optional<double> time = motionTime();
+    const std::optional<double> time = motionTime(fromRos(ros::Time::now()));
     return time && *time > simulation_.motion().duration();
   }
 
-  /// Called by the camera at each exposure; decides when the motion begins.
-  void beginWhenSettled() {
+  /// Called with the middle of each exposure; decides when the motion begins.
+  void beginWhenSettled(Time mid_exposure) {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (begun_ || mti_.statistics().messages_sent == 0) return;
-    const Clock::time_point now = Clock::now();
-    if (!settling_) settling_ = now;
-    if (now - *settling_ < std::chrono::duration<double>(kSettleS)) return;
-    begun_ = now;
-    mti_.start();
+    if (!settling_) settling_ = mid_exposure;
+    settled_ = mid_exposure - *settling_ >= fromSeconds(kSettleS);
+    if (!settled_ || !may_move_) return;
+    begun_ = mid_exposure;
+    mti_.start(toSeconds(mid_exposure - fromRos(ros::Time::now())));
   }
 
   /// The picture nearest to now, or black when it is not rendered yet.
   StereoFrame take(const Exposure& exposure) {
-    beginWhenSettled();
-    const double time = motionTime().value_or(simulation_.viewTime(0));
+    if (!built_) return {};
+    const Time middle = camera_.frameTime() + fromSeconds(0.5 * exposure.exposure_s);
+    beginWhenSettled(middle);
     const double rate = simulation_.options().motion.view_rate_hz;
-    const int nearest = static_cast<int>(std::lround((time - simulation_.viewTime(0)) * rate));
-    const int view = std::clamp(nearest, 0, simulation_.views() - 1);
-    if (std::optional<StereoFrame> frame = frames_.frame(view, exposure)) {
+    const auto viewAt = [&](double time) {
+      const long nearest = std::lround((time - simulation_.viewTime(0)) * rate);
+      return std::clamp(static_cast<int>(nearest), 0, simulation_.views() - 1);
+    };
+    const double time = motionTime(middle).value_or(simulation_.viewTime(0));
+    const int view = viewAt(time);
+    std::optional<StereoFrame> frame = next_picture_.take(view, exposure);
+    const bool moves = settled_ && may_move_;
+    next_picture_.prepare(moves ? viewAt(time + 1.0 / rate) : view, exposure);
+    if (frame) {
       ++shown_;
       return *std::move(frame);
     }
@@ -128,10 +167,11 @@ class SimulatedDevices::Impl {
 
   const Simulation& simulation_;
   FrameStore& frames_;
+  NextPicture next_picture_;
   TruthPublisher truth_;
   mutable std::mutex mutex_;
-  std::optional<Clock::time_point> settling_, begun_;
-  std::atomic<bool> stopped_{false};
+  std::optional<Time> settling_, begun_;  ///< wall clock
+  std::atomic<bool> built_{false}, stopped_{false}, settled_{false}, may_move_{false};
   std::atomic<int> shown_{0}, missed_{0};
   EmulatedMti mti_;
   EmulatedBumblebee camera_;  // last: its thread calls take()
@@ -143,6 +183,8 @@ SimulatedDevices::SimulatedDevices(const ros::NodeHandle& nh, const Simulation& 
 SimulatedDevices::~SimulatedDevices() = default;
 void SimulatedDevices::run() { impl_->run(); }
 void SimulatedDevices::stop() { impl_->stop(); }
+void SimulatedDevices::allowMotion() { impl_->allowMotion(); }
+bool SimulatedDevices::settled() const { return impl_->settled(); }
 SimulatedRigStatistics SimulatedDevices::statistics() const { return impl_->statistics(); }
 
 void SimulatedDevices::plugCamera(bool in) {

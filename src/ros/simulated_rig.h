@@ -77,8 +77,8 @@ struct DeviceFaults {
   simulation::MtiFaults mti;
 };
 
-/// The two devices themselves, for the drivers to open. The motion starts with the first picture
-/// that is taken after the MTi has measured for a while; until then the rig stands still.
+/// The two devices themselves, for the drivers to open. The rig stands still until both have been
+/// read for a while and the motion is allowed; it begins with a picture.
 class SimulatedDevices : public SimulatedRig {
  public:
   struct Options {
@@ -94,6 +94,8 @@ class SimulatedDevices : public SimulatedRig {
   void run() override;
   void stop() override;
   SimulatedRigStatistics statistics() const override;
+  bool settled() const;  ///< both drivers have read their device for some seconds
+  void allowMotion();
   void plugCamera(bool in);
   void plugMti(bool in);
   void setFaults(const DeviceFaults& faults);

@@ -9,7 +9,9 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <cmath>
+#include <condition_variable>
 #include <cstring>
 #include <mutex>
 #include <optional>
@@ -37,6 +39,7 @@ constexpr std::uint32_t kPacketSizeAddress = 0xd04;
 constexpr std::uint32_t kPacketBytes = 8192;
 constexpr std::size_t kLongestSerial = 15;
 constexpr int kLargestSide = 2048;
+constexpr std::int64_t kLatestWakeUs = 100'000;  ///< of the camera's thread, after its time
 
 /// Address of the interface that has this address or name.
 in_addr resolveInterface(const std::string& interface) {
@@ -135,6 +138,7 @@ class EmulatedBumblebee::Impl {
       plugged_ = false;
       setLostRatio(1.0);
     }
+    unplugged_.notify_all();
     g_object_unref(camera_);  // ends its thread and closes its sockets
     camera_ = nullptr;
   }
@@ -146,22 +150,26 @@ class EmulatedBumblebee::Impl {
 
   std::uint64_t taken() const { return taken_; }
   std::uint64_t refused() const { return refused_; }
+  Time frameTime() const { return fromNanoseconds(1000 * frame_us_); }
 
  private:
   void writeRegisters();
   void setLostRatio(double ratio) { g_object_set(camera_, "gvsp-lost-ratio", ratio, nullptr); }
   static void fill(ArvBuffer* buffer, void* self, guint32 exposure_us, guint32 gain,
                    ArvPixelFormat format);
+  std::int64_t frameStart() const;
   bool take(ArvBuffer* buffer, const Exposure& exposure);
 
   const Options options_;
   const FrameSource source_;
   std::mutex mutex_;        ///< of camera_; locked before frame_mutex_
   std::mutex frame_mutex_;  ///< a frame is being taken
+  std::condition_variable unplugged_;
   bool plugged_ = false;
   ArvGvFakeCamera* camera_ = nullptr;
   std::atomic<double> lost_packets_;
   std::atomic<std::uint64_t> taken_{0}, refused_{0};
+  std::atomic<std::int64_t> frame_us_{0};  ///< wall clock
 };
 
 void EmulatedBumblebee::Impl::writeRegisters() {
@@ -183,18 +191,36 @@ void EmulatedBumblebee::Impl::writeRegisters() {
   arv_fake_camera_write_memory(registers, kModelNameAddress, kModelNameSize, model);
 }
 
+/// The moment on the grid of frames that the camera's thread woke up for, in us of the wall clock.
+/// That it woke a little later is the emulation's trouble and no camera's.
+std::int64_t EmulatedBumblebee::Impl::frameStart() const {
+  guint32 period_us = 0;
+  arv_fake_camera_read_register(arv_gv_fake_camera_get_fake_camera(camera_),
+                                ARV_FAKE_CAMERA_REGISTER_ACQUISITION_FRAME_PERIOD_US, &period_us);
+  const std::int64_t now_us = g_get_real_time();
+  const std::int64_t late_us = period_us == 0 ? 0 : now_us % static_cast<std::int64_t>(period_us);
+  // Off the grid: the rate was changed a moment ago.
+  return late_us < kLatestWakeUs && now_us - late_us > frame_us_ ? now_us - late_us : now_us;
+}
+
 /// Runs in the camera's thread before a frame is sent, with the settings of that moment. The share
 /// of lost packets is set here because that thread reads it; losing all of them is the way not to
 /// send a frame that the camera does not have.
 void EmulatedBumblebee::Impl::fill(ArvBuffer* buffer, void* self, guint32 exposure_us, guint32 gain,
                                    ArvPixelFormat format) {
   auto* const camera = static_cast<Impl*>(self);
-  const std::lock_guard<std::mutex> frame(camera->frame_mutex_);
+  std::unique_lock<std::mutex> frame(camera->frame_mutex_);
   if (!camera->plugged_) return;
+  camera->frame_us_ = camera->frameStart();
+  arv_buffer_set_timestamp(buffer, static_cast<guint64>(1000 * camera->frame_us_));
   const Exposure exposure{1e-6 * exposure_us, static_cast<double>(gain)};
   const bool good = format == ARV_PIXEL_FORMAT_MONO_16 && camera->take(buffer, exposure);
   ++(good ? camera->taken_ : camera->refused_);
   camera->setLostRatio(good ? camera->lost_packets_.load() : 1.0);
+  using Clock = std::chrono::system_clock;
+  const Clock::time_point exposed(std::chrono::duration_cast<Clock::duration>(
+      std::chrono::microseconds(camera->frame_us_) + std::chrono::microseconds(exposure_us)));
+  camera->unplugged_.wait_until(frame, exposed, [camera] { return !camera->plugged_; });
 }
 
 bool EmulatedBumblebee::Impl::take(ArvBuffer* buffer, const Exposure& exposure) {
@@ -221,6 +247,7 @@ EmulatedBumblebee::~EmulatedBumblebee() = default;
 void EmulatedBumblebee::setLostPackets(double share) { impl_->setLostPackets(share); }
 void EmulatedBumblebee::unplug() { impl_->unplug(); }
 void EmulatedBumblebee::plug() { impl_->plug(); }
+Time EmulatedBumblebee::frameTime() const { return impl_->frameTime(); }
 std::uint64_t EmulatedBumblebee::framesTaken() const { return impl_->taken(); }
 std::uint64_t EmulatedBumblebee::framesRefused() const { return impl_->refused(); }
 

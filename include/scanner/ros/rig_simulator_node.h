@@ -18,6 +18,7 @@ struct RigSimulatorOptions {
   bool prerender = true;     ///< all views before the motion starts; else as far as the CPU allows
   bool devices = false;      ///< emulate the two devices; else publish the sensors' topics
   bool finish = false;       ///< finish the scan when the motion has ended, then exit
+  bool start_scan = false;   ///< with devices: start the scan when the motion begins
   bool mesh = true;          ///< build the mesh then
   std::string
       out;  ///< scan folder to fill then, beside reference.ply, the true surface; empty: none
@@ -39,8 +40,9 @@ void describe(OptionVisitor& v, RigSimulatorOptions& o);
 ///   bumblebee/{left,right}/{image_raw,camera_info}, mti/imu/data     what the drivers would
 ///   publish
 /// or (devices: true) a GigE Vision camera on `~camera_interface` and an MTi on the terminal
-/// `~mti_link`, for the drivers to open. The motion starts when both are being read.
-/// Services (devices: true)
+/// `~mti_link`, for the drivers to open. The camera's driver gets its calibration by
+/// set_camera_info; when both devices have been read for some seconds the motion starts. Services
+/// (devices: true)
 ///   ~plug_camera, ~plug_mti   std_srvs/SetBool: the cable in or out
 ///   ~faults                   scanner/SetFaults
 /// Parameters

@@ -19,7 +19,8 @@ namespace scanner::simulation {
 /// What a client sees: model "Bumblebee2", Width x Height of the camera (a smaller region with
 /// OffsetX, OffsetY is cut out), Mono16, AcquisitionFrameRate (frames are taken at multiples of its
 /// period in wall-clock time), ExposureTimeAbs in microseconds, GainRaw in dB, 0..10. Time stamps
-/// are the wall clock at the start of the frame; frame numbers of the stream begin at 65401 after
+/// are the wall clock at the start of the exposure, exactly on that grid; a frame is sent when its
+/// exposure has ended; frame numbers of the stream begin at 65401 after
 /// power-on and wrap from 65535 to 1. A format that the camera does not have (Mono8 ...) is not
 /// streamed: nothing comes. src/simulation/emulated_bumblebee.cpp lists what the fake camera lacks.
 class EmulatedBumblebee {
@@ -44,6 +45,9 @@ class EmulatedBumblebee {
   EmulatedBumblebee(const Options& options, FrameSource source);
   ~EmulatedBumblebee();
 
+  /// Start of the exposure of the frame that is being taken (wall clock, as its time stamp says).
+  /// For the frame source, while it is called.
+  Time frameTime() const;
   /// From the next frame on. Every packet is lost or not by itself, and never sent again.
   void setLostPackets(double share);
   /// The cable out: the device vanishes from the network. Waits for the frame that is being taken.
