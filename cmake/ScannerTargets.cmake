@@ -25,15 +25,18 @@ function(scanner_library STAGE)
   install(TARGETS ${target} LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
 endfunction()
 
-# scanner_test(STAGE SOURCES file... [LINK library...])
-# One gtest binary `test_STAGE`; every TEST is a ctest of its own. Suites whose name starts with
+# scanner_test(STAGE SOURCES file... [LINK library...] [SUFFIX name])
+# One gtest binary `test_STAGE` (`test_STAGE_SUFFIX` where a second one is needed); every TEST is a ctest of its own. Suites whose name starts with
 # RealData carry the label real_data and find the recordings through SCANNER_DATA.
 function(scanner_test STAGE)
   if(NOT BUILD_TESTING)
     return()
   endif()
-  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
+  cmake_parse_arguments(ARG "" "SUFFIX" "SOURCES;LINK" ${ARGN})
   set(target test_${STAGE})
+  if(ARG_SUFFIX)
+    string(APPEND target _${ARG_SUFFIX})
+  endif()
   add_executable(${target} ${ARG_SOURCES})
   target_compile_options(${target} PRIVATE ${SCANNER_WARNINGS})
   target_include_directories(${target} PRIVATE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR}/test)

@@ -74,11 +74,19 @@ std::optional<Eigen::Quaterniond> readQuaternion(ByteReader& in) {
   return q.normalized();
 }
 
-std::optional<Eigen::Quaterniond> readMatrix(ByteReader& in) {
+Eigen::Matrix3d readNineFloats(ByteReader& in) {
   Eigen::Matrix3d m;
-  for (int row = 0; row < 3; ++row) m.row(row) = readVector(in);
-  const Eigen::Matrix3d error = m * m.transpose() - Eigen::Matrix3d::Identity();
-  if (!m.allFinite() || error.cwiseAbs().maxCoeff() > kRotationTolerance || m.determinant() < 0.0) {
+  for (int column = 0; column < 3; ++column) m.col(column) = readVector(in);
+  return m;
+}
+
+double orthonormalityDefect(const Eigen::Matrix3d& m) {
+  return (m * m.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+}
+
+std::optional<Eigen::Quaterniond> readMatrix(ByteReader& in) {
+  const Eigen::Matrix3d m = readNineFloats(in);
+  if (!m.allFinite() || orthonormalityDefect(m) > kRotationTolerance || m.determinant() < 0.0) {
     return std::nullopt;
   }
   return Eigen::Quaterniond(nearestRotation(m));
@@ -101,7 +109,7 @@ void writeOrientation(ByteWriter& out, const Eigen::Quaterniond& q, std::uint32_
   if (floats == 3) return writeVector(out, rollPitchYaw(q.toRotationMatrix()) / kDegree);
   if (floats == 9) {
     const Eigen::Matrix3d m = q.toRotationMatrix();
-    for (int row = 0; row < 3; ++row) writeVector(out, m.row(row));
+    for (int column = 0; column < 3; ++column) writeVector(out, m.col(column));
     return;
   }
   out.f32(q.w());
@@ -160,6 +168,20 @@ Result<MtData> decodeMtData(const Message& message, std::uint16_t mode, std::uin
   if (layout.status) data.status = in.u8();
   if (layout.counter) data.counter = in.u16();
   return data;
+}
+
+double rotationDefect(const Message& message, std::uint16_t mode, std::uint32_t settings) {
+  const Layout layout(mode, settings);
+  if (layout.orientation_floats < 4 || !decodeMtData(message, mode, settings)) return 0.0;
+  ByteReader in(message.data);
+  if (layout.temperature) in.u32();
+  for (const bool vector : {layout.acceleration, layout.gyro, layout.magnetometer}) {
+    if (vector) readVector(in);
+  }
+  if (layout.orientation_floats == 9) return orthonormalityDefect(readNineFloats(in));
+  const double w = in.f32();
+  const Eigen::Vector3d v = readVector(in);
+  return std::abs(Eigen::Quaterniond(w, v.x(), v.y(), v.z()).norm() - 1.0);
 }
 
 Message encodeMtData(const MtData& data, std::uint16_t mode, std::uint32_t settings) {

@@ -14,6 +14,8 @@ void describe(OptionVisitor& v, ScanOptions& o) {
 
 void describe(OptionVisitor& v, ScannerConfig& o) {
   v.group("scan", o.scan, "the pipeline as a whole");
+  v.group("mti", o.mti, "driver of the inertial sensor");
+  v.group("bumblebee", o.bumblebee, "driver of the stereo camera");
   v.group("stereo", o.stereo, "from a pair of images to a view");
   v.group("inertial", o.inertial, "from inertial samples to the prior of a view");
   v.group("registration", o.registration, "from views to poses");
@@ -39,6 +41,8 @@ std::string documentConfiguration() {
          "is refused. `config/field.yaml` (the default), `config/thesis.yaml` (the published "
          "method) and `config/room.yaml` (rooms, 2-5 m) ship with the package.\n\n" +
          documentOptions<ScanOptions>("scan") + "\n" +
+         documentOptions<mti::DriverOptions>("mti") + "\n" +
+         documentOptions<bumblebee::DriverOptions>("bumblebee") + "\n" +
          documentOptions<stereo::StereoOptions>("stereo") + "\n" +
          documentOptions<inertial::InertialOptions>("inertial") + "\n" +
          documentOptions<registration::RegistrationOptions>("registration") + "\n" +

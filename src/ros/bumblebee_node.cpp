@@ -7,6 +7,7 @@
 #include <ros/spinner.h>
 
 #include <mutex>
+#include <nlohmann/json.hpp>
 
 #include "ros/bumblebee_node_calibration.h"
 #include "ros/bumblebee_node_diagnostics.h"
@@ -50,8 +51,12 @@ BumblebeeNodeOptions loadNodeOptions(const ros::NodeHandle& private_nh) {
 }
 
 DriverOptions loadDriverOptions(const ros::NodeHandle& nh, const ros::NodeHandle& private_nh) {
+  ParameterTree block = parameterBlock(nh, private_nh, kBlock);
+  // A serial number is digits, which launch files and command lines make a number.
+  const auto address = block.is_object() ? block.find("address") : block.end();
+  if (address != block.end() && address->is_number_integer()) *address = address->dump();
   DriverOptions options;
-  loadBlock(nh, private_nh, kBlock, options);
+  loadOptions(block, kBlock, options);
   return options;
 }
 
@@ -67,8 +72,9 @@ class StateLog {
                now.camera.serial.c_str(), bumblebee::toString(now.camera.transport),
                now.format.width_px, now.format.height_px);
       problem_.clear();
-    } else if (!streaming && !now.problem.empty() && now.problem != problem_) {
-      ROS_WARN("no images: %s", now.problem.c_str());
+    }
+    if (!now.problem.empty() && now.problem != problem_) {
+      ROS_WARN("%s%s", streaming ? "" : "no images: ", now.problem.c_str());
       problem_ = now.problem;
     }
     // Without a problem the search goes on as before.
@@ -110,6 +116,7 @@ class BumblebeeNode::Impl {
   static void publish(const Eye& eye, const Image& image, sensor_msgs::CameraInfo* info,
                       Time stamp);
   void reconfigure(Config& config);
+  DriverOptions options() const;
   void report(DiagnosticStatus& status);
 
   ros::NodeHandle nh_;
@@ -187,7 +194,8 @@ void BumblebeeNode::Impl::offerControls(ros::NodeHandle private_nh) {
         response.message = written.message();
         if (!written) return true;
         const Result<std::uint32_t> value = driver_->readRegister(request.offset);
-        value ? response.value = *value : response.message = value.status().message();
+        response.message = value.status().message();
+        if (value) response.value = *value;
         return true;
       });
   // The server reads and writes the very parameters that the block was loaded from.
@@ -223,35 +231,33 @@ void BumblebeeNode::Impl::publish(const Eye& eye, const Image& image, sensor_msg
   eye.image.publish(boost::make_shared<sensor_msgs::Image>(toRos(image, header)));
 }
 
-/// What the camera refuses is taken back, so that whoever asked sees what is in force.
+/// In the thread of the controls only.
 void BumblebeeNode::Impl::reconfigure(Config& config) {
-  DriverOptions before;
-  {
-    const std::lock_guard<std::mutex> lock(options_mutex_);
-    before = options_;
-  }
-  DriverOptions wanted = before;
+  DriverOptions wanted = options();
   copyControls(config, wanted);
-  const Status status = driver_->reconfigure(wanted);
-  if (!status) {
-    ROS_WARN("not reconfigured: %s", status.message().c_str());
-    driver_->reconfigure(before);
-    copyControls(before, config);
-    return;
+  try {
+    const Status status = driver_->reconfigure(wanted);
+    // Kept all the same: the next camera may take it.
+    if (!status) ROS_WARN("not as asked: %s", status.message().c_str());
+    const std::lock_guard<std::mutex> lock(options_mutex_);
+    options_ = wanted;
+  } catch (const ConfigurationError& error) {  // dynamic_reconfigure lets NaN through
+    ROS_WARN("not reconfigured: %s", error.what());
+    copyControls(options(), config);
   }
+}
+
+DriverOptions BumblebeeNode::Impl::options() const {
   const std::lock_guard<std::mutex> lock(options_mutex_);
-  options_ = wanted;
+  return options_;
 }
 
 void BumblebeeNode::Impl::report(DiagnosticStatus& status) {
   const DriverStatistics now = driver_->statistics();
   log_.tell(now);
-  double wanted_rate_hz = 0.0;
-  {
-    const std::lock_guard<std::mutex> lock(options_mutex_);
-    const bool file = now.camera.transport == bumblebee::Transport::kFile;
-    wanted_rate_hz = file ? options_.bus.file_rate_hz : options_.rate_hz;
-  }
+  const DriverOptions wanted = options();
+  const bool file = now.camera.transport == bumblebee::Transport::kFile;
+  const double wanted_rate_hz = file ? wanted.bus.file_rate_hz : wanted.rate_hz;
   report_.fill(now, wanted_rate_hz, calibration_.verdict(), BumblebeeReport::Clock::now(), status);
 }
 

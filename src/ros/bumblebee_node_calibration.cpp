@@ -39,10 +39,10 @@ Status fits(const sensor_msgs::CameraInfo& info, const std::string& eye, int wid
   const auto width = static_cast<std::uint32_t>(width_px);
   const auto height = static_cast<std::uint32_t>(height_px);
   if (info.width == width && info.height == height) return Status::ok();
-  return Status(StatusCode::kInvalidInput,
-                "the " + eye + " camera's calibration is for images of " +
-                    size(info.width, info.height) + ", but the camera sends " +
-                    size(width, height));
+  return Status(StatusCode::kInvalidInput, "the " + eye +
+                                               " camera's calibration is for images of " +
+                                               size(info.width, info.height) +
+                                               ", but the camera sends " + size(width, height));
 }
 
 /// kNotEnoughData when an eye is not calibrated.
@@ -68,9 +68,9 @@ Result<StereoCalibration> usable(const BumblebeeCalibration::Infos& infos, int w
   return calibration;
 }
 
-void requireUrl(camera_info_manager::CameraInfoManager& manager, const std::string& key,
-                const std::string& url) {
-  if (url.empty() || manager.validateURL(url)) return;
+void requireUrl(const std::string& key, const std::string& url) {
+  const auto begins = [&url](const std::string& with) { return url.rfind(with, 0) == 0; };
+  if (url.empty() || begins("file:///") || begins("file://${") || begins("package://")) return;
   throw ConfigurationError("option '" + key + "' = '" + url +
                            "' is no url that camera_info_manager takes (file:///..., "
                            "package://PACKAGE/...)");
@@ -90,33 +90,39 @@ Eigen::Isometry3d rightInLeft(const StereoCalibration& calibration) {
 
 BumblebeeCalibration::BumblebeeCalibration(const ros::NodeHandle& nh,
                                            const BumblebeeNodeOptions& options)
-    : left_(ros::NodeHandle(nh, "bumblebee/left"), cameraName("", "left"),
-            options.left_camera_info_url),
-      right_(ros::NodeHandle(nh, "bumblebee/right"), cameraName("", "right"),
-             options.right_camera_info_url),
-      rig_file_(options.rig) {
-  requireUrl(left_, "left_camera_info_url", options.left_camera_info_url);
-  requireUrl(right_, "right_camera_info_url", options.right_camera_info_url);
-  if (!rig_file_.empty()) rig_ = loadRig(rig_file_).cameras;
+    : nh_(nh), options_(options) {
+  requireUrl("left_camera_info_url", options.left_camera_info_url);
+  requireUrl("right_camera_info_url", options.right_camera_info_url);
+  if (!options.rig.empty()) rig_ = loadRig(options.rig).cameras;
 }
 
 void BumblebeeCalibration::useCamera(const std::string& serial) {
+  using camera_info_manager::CameraInfoManager;
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (judged_ && serial == serial_) return;  // it came back
+  if (left_ && serial == serial_) return;  // it came back
   serial_ = serial;
   judged_.reset();
   verdict_ = {};
-  left_.setCameraName(cameraName(serial, "left"));
-  right_.setCameraName(cameraName(serial, "right"));
+  const std::string left = cameraName(serial, "left"), right = cameraName(serial, "right");
+  if (left_) {
+    left_->setCameraName(left);
+    right_->setCameraName(right);
+  } else {
+    left_ = std::make_unique<CameraInfoManager>(ros::NodeHandle(nh_, "bumblebee/left"), left,
+                                                options_.left_camera_info_url);
+    right_ = std::make_unique<CameraInfoManager>(ros::NodeHandle(nh_, "bumblebee/right"), right,
+                                                 options_.right_camera_info_url);
+  }
   if (!rig_) return;
-  left_.setCameraInfo(toRos(rig_->left, {}));
-  right_.setCameraInfo(toRos(rig_->right, {}));
+  left_->setCameraInfo(toRos(rig_->left, {}));
+  right_->setCameraInfo(toRos(rig_->right, {}));
 }
 
 std::optional<BumblebeeCalibration::Infos> BumblebeeCalibration::infos(int width_px, int height_px,
                                                                        Time stamp) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  Infos now(left_.getCameraInfo(), right_.getCameraInfo());
+  if (!left_) return std::nullopt;
+  Infos now(left_->getCameraInfo(), right_->getCameraInfo());
   const bool known = judged_ && width_px == judged_width_px_ && height_px == judged_height_px_ &&
                      sameCalibration(now.first, judged_->first) &&
                      sameCalibration(now.second, judged_->second);
@@ -130,7 +136,7 @@ void BumblebeeCalibration::judge(const Infos& infos, int width_px, int height_px
                                      sameCalibration(infos.second, judged_->second));
   if (rig_ && replaced) {
     ROS_WARN("the calibration was set while running; at the next start the one of %s holds again",
-             rig_file_.c_str());
+             options_.rig.c_str());
   }
   judged_ = infos;
   judged_width_px_ = width_px;

@@ -35,10 +35,12 @@ class BumblebeeCalibration {
   };
   using Infos = std::pair<sensor_msgs::CameraInfo, sensor_msgs::CameraInfo>;
 
-  /// Offers bumblebee/{left,right}/set_camera_info. Throws ConfigurationError.
+  /// Throws ConfigurationError.
   BumblebeeCalibration(const ros::NodeHandle& nh, const BumblebeeNodeOptions& options);
 
-  /// To be called before the first images of a camera: its name is part of the default urls.
+  /// To be called before the first images of a camera: its serial number is part of the default
+  /// urls. Offers bumblebee/{left,right}/set_camera_info from the first camera on: what is set
+  /// there is for a camera that is known.
   void useCamera(const std::string& serial);
   /// Without headers; nothing when images of this size must not be scanned with it. Says once what
   /// is wrong, and sends left -> right to tf when it changes.
@@ -46,14 +48,15 @@ class BumblebeeCalibration {
   Verdict verdict() const;
 
  private:
-  camera_info_manager::CameraInfoManager left_, right_;
-  std::string rig_file_;
+  const ros::NodeHandle nh_;
+  const BumblebeeNodeOptions options_;
   std::optional<StereoCalibration> rig_;
   std::shared_ptr<StaticBroadcast> static_tf_ = StaticBroadcast::shared();
 
   void judge(const Infos& infos, int width_px, int height_px, Time stamp);
 
   mutable std::mutex mutex_;
+  std::unique_ptr<camera_info_manager::CameraInfoManager> left_, right_;
   std::string serial_;
   std::optional<Infos> judged_;
   int judged_width_px_ = 0, judged_height_px_ = 0;

@@ -59,6 +59,7 @@ void addValues(const DriverStatistics& now, double wanted_rate_hz, DiagnosticSta
   status.addf("saturated right (%)", "%.2f", now.saturated_share[1] * 100.0);
   status.addf("mean level left", "%.3f", now.mean_level[0]);
   status.addf("mean level difference", "%.3f", now.mean_level[0] - now.mean_level[1]);
+  status.add("stamps from", toString(now.stamps));
   status.addf("clock drift (ppm)", "%.1f", now.drift_ppm);
   status.addf("arrival jitter (ms)", "%.3f", now.arrival_jitter_s * 1e3);
   status.add("factory calibration", now.factory_calibration.empty() ? "none" : "read");
@@ -81,6 +82,7 @@ void BumblebeeReport::remember(const DriverStatistics& now, Clock::time_point ti
 
 void BumblebeeReport::warn(const DriverStatistics& now, double wanted_rate_hz,
                            Clock::time_point time, DiagnosticStatus& status) const {
+  if (!now.problem.empty()) status.mergeSummary(kDiagnosticWarn, now.problem);
   const std::uint64_t dropped = grown(recent_.front().dropped, now.dropped);
   const std::uint64_t packets = grown(recent_.front().lost_packets, now.lost_packets);
   if (dropped > 0) {
@@ -115,9 +117,9 @@ void BumblebeeReport::fill(const DriverStatistics& now, double wanted_rate_hz,
   remember(now, time);
   status.hardware_id = now.camera.serial.empty() ? "none" : now.camera.serial;
   addValues(now, wanted_rate_hz, status);
-  status.add("calibration", toText(calibration.state) + (calibration.reason.empty()
-                                                             ? std::string()
-                                                             : ": " + calibration.reason));
+  status.add("calibration",
+             toText(calibration.state) +
+                 (calibration.reason.empty() ? std::string() : ": " + calibration.reason));
   if (now.state != DriverState::kStreaming) {
     return status.summary(kDiagnosticError,
                           now.problem.empty() ? std::string(toString(now.state)) : now.problem);

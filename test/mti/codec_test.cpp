@@ -234,7 +234,7 @@ TEST(MtData, OrientationMapsTheSensorToTheEarth) {
   data.orientation = Eigen::AngleAxisd(std::atan(1.0) * 2.0, Vector3d::UnitZ());
   const Message matrix = encodeMtData(data, output_mode::kOrientation, output_settings::kMatrix);
   ByteReader in(matrix.data);
-  const double expected[] = {0, -1, 0, 1, 0, 0, 0, 0, 1};  // row by row
+  const double expected[] = {0, 1, 0, -1, 0, 0, 0, 0, 1};  // column by column
   for (const double value : expected) EXPECT_NEAR(in.f32(), value, 1e-7);
   const Message euler = encodeMtData(data, output_mode::kOrientation, output_settings::kEuler);
   ByteReader angles(euler.data);
@@ -257,7 +257,9 @@ TEST(MtData, RefusesWhatCannotBe) {
   std::fill_n(stretched.data.begin() + 36, 4, 0x3F);  // w = 0.747
   EXPECT_EQ(decodeMtData(stretched, 0x0006, 1).status().code(), StatusCode::kInvalidInput);
   Message mirrored = encodeMtData(everything(), 0x0004, output_settings::kMatrix);
-  for (std::size_t row = 0; row < 3; ++row) mirrored.data[12 * row] ^= 0x80U;  // first column
+  for (std::size_t column = 0; column < 3; ++column) {
+    mirrored.data[12 * column] ^= 0x80U;  // first row
+  }
   EXPECT_EQ(decodeMtData(mirrored, 0x0004, output_settings::kMatrix).status().code(),
             StatusCode::kInvalidInput);
   MtData incomplete = everything();

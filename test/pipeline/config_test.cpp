@@ -53,8 +53,8 @@ TEST(Config, ErrorsNameFileKeyValueAndBound) {
 
 TEST(Config, DocumentationHasEveryBlock) {
   const std::string text = documentConfiguration();
-  for (const char* block :
-       {"## `scan`", "## `stereo`", "## `inertial`", "## `registration`", "## `surface`"}) {
+  for (const char* block : {"## `scan`", "## `mti`", "## `bumblebee`", "## `stereo`",
+                            "## `inertial`", "## `registration`", "## `surface`"}) {
     EXPECT_NE(text.find(block), std::string::npos) << block;
   }
 }

@@ -26,6 +26,10 @@ struct DriverOptions {
   double auto_target = 0.35;           ///< mean of both eyes, share of full scale, linear
   double white_balance_blue = 0.0, white_balance_red = 0.0;  ///< 0: leave as the camera has it
   TransportOptions bus;
+  /// From the end of the exposure until a frame has arrived, when nothing delays it: read-out and
+  /// transfer; subtracted from stamps. Negative: computed from the speed of the bus
+  /// (assumedLatency()).
+  double latency_s = -1.0;
   double frame_timeout_s = 2.0;  ///< plus two frame periods: the camera counts as gone
   double retry_min_s = 0.25;
   double retry_max_s = 4.0;
@@ -34,6 +38,21 @@ void describe(OptionVisitor& v, DriverOptions& o);
 
 enum class DriverState { kSearching, kConfiguring, kStreaming, kStopped };
 const char* toString(DriverState state);
+
+/// What stamps are made from, best first.
+enum class StampSource {
+  kDeviceClock,  ///< the camera's own clock, mapped to the host's
+  kCounter,      ///< frame numbers times the period, mapped likewise
+  kArrival,      ///< arrival of each frame less latency and half the exposure: jitters
+};
+const char* toString(StampSource source);
+
+/// Time from the end of an exposure to the arrival of the frame as the bus dictates it: GigE Vision
+/// 125 MB/s, USB 40 MB/s (USB 2.0), IEEE 1394 one packet of 1024 bytes per 100 Mbit/s and 125 us.
+/// Sensors are taken to be read out while the frame is being sent. 0 for recordings and for Aravis'
+/// fake camera, which have no wire.
+double assumedLatency(const CameraIdentity& camera, const FrameFormat& format,
+                      const TransportOptions& bus);
 
 /// A pair ready to publish.
 struct CapturedPair {
@@ -45,7 +64,9 @@ struct CapturedPair {
 
 struct DriverStatistics {
   DriverState state = DriverState::kStopped;
-  std::string problem;  ///< what went wrong last, one line; empty while streaming
+  /// What went wrong last, one line; while streaming empty, or a setting that the camera did not
+  /// take as asked.
+  std::string problem;
   CameraIdentity camera;
   Capabilities capabilities;
   FrameFormat format;
@@ -56,7 +77,8 @@ struct DriverStatistics {
   std::uint64_t damaged = 0;   ///< of these: came, but short or corrupt
   std::uint64_t lost_packets = 0;
   std::uint64_t connections = 0;  ///< times that streaming began
-  double drift_ppm = 0.0;
+  StampSource stamps = StampSource::kArrival;
+  double drift_ppm = 0.0;  ///< of the camera's clock (or counter) against the host's
   double arrival_jitter_s = 0.0;
   std::optional<double> temperature_c;
   double exposure_s = 0.0, gain_db = 0.0;
@@ -65,8 +87,14 @@ struct DriverStatistics {
   std::string factory_calibration;         ///< Triclops text as the camera keeps it; empty: none
 };
 
-/// The state machine of one camera in a thread of its own: searching -> configuring -> streaming,
-/// and back to searching with back-off when the camera goes away or says nothing. Thread-safe.
+/// The state machine of one camera in a thread of its own: searching -> configuring -> streaming
+/// (from the first whole frame), and back to searching with back-off when the camera goes away or
+/// says nothing. A recording that ends (without file_repeat) leaves it kStopped. Thread-safe; the
+/// callback is called from the driver's thread, one pair at a time, and may call back any method.
+///
+/// Stamps are mid-exposure: end of exposure mapped to the host's clock, less half the exposure that
+/// the camera says is in force. For the one to three frames that a change of exposure is under way
+/// they are wrong by at most half of that change.
 class Driver {
  public:
   using Callback = std::function<void(const CapturedPair&)>;
@@ -75,9 +103,11 @@ class Driver {
   ~Driver();
 
   /// Exposure, gain, white balance, rate and auto-exposure from now on (the other options cannot
-  /// change). Kept over reconnections. Status of the camera's answer; ok when none is connected.
+  /// change). Kept over reconnections. Status of the camera's answer; ok when none is connected;
+  /// kOutOfRange when a value lies outside the camera's range (the nearest is in force then).
+  /// Throws ConfigurationError as the constructor does.
   Status reconfigure(const DriverOptions& options);
-  /// kOutOfRange while no camera is streaming.
+  /// kOutOfRange while no camera is connected.
   Result<std::uint32_t> readRegister(std::uint64_t offset);
   Status writeRegister(std::uint64_t offset, std::uint32_t value);
   DriverStatistics statistics() const;

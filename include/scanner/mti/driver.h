@@ -47,6 +47,7 @@ struct DriverOptions {
   double silence_timeout_s = 1.0;  ///< without a sample: the device counts as gone
   double retry_min_s = 0.25;       ///< between attempts to open, doubled up to
   double retry_max_s = 4.0;
+  double extra_latency_s = 0.0;  ///< of the adapter, above what protocol and baud rate explain
 };
 void describe(OptionVisitor& v, DriverOptions& o);
 
@@ -73,6 +74,7 @@ const char* toString(DriverState state);
 struct DriverStatistics {
   DriverState state = DriverState::kStopped;
   std::string problem;  ///< what went wrong last, one line; empty while measuring
+  std::string notes;    ///< what could not be had as configured ("rate limited to ..."), one line
   std::string port;
   std::string device_id;  ///< eight hexadecimal digits
   std::string firmware;
@@ -80,7 +82,7 @@ struct DriverStatistics {
   int baud_rate = 0;
   double rate_hz = 0.0;        ///< measured over the last seconds
   std::uint64_t samples = 0;   ///< given to the callback
-  std::uint64_t lost = 0;      ///< by the device's counter
+  std::uint64_t lost = 0;      ///< by the device's counter, rejected ones included
   std::uint64_t rejected = 0;  ///< whole messages with a value that cannot be
   std::uint64_t checksum_errors = 0;
   std::uint64_t skipped_bytes = 0;
@@ -92,16 +94,22 @@ struct DriverStatistics {
 /// The state machine of one MTi in a thread of its own. Searching -> configuring -> measuring; a
 /// cable that is pulled, silence, errors and garbage lead back to searching, with back-off, for as
 /// long as the object lives. Thread-safe.
+///
+/// Stamps: sample counter, clock model, and the latency that MT0100P gives (1.97 ms of computing,
+/// then the bytes on the line) taken off. The first 0.2 s after measuring began go into the clock
+/// model alone and are not given to the callback. A device that sends no counter is stamped on
+/// arrival, which the notes say.
 class Driver {
  public:
-  /// Called from the driver's thread, in order of stamps.
+  /// Called from the driver's thread, in order of stamps. Must not throw.
   using Callback = std::function<void(const Sample&)>;
   /// Starts at once. Throws ConfigurationError for options that cannot be.
   Driver(const DriverOptions& options, Callback callback);
   ~Driver();
 
   /// Waits for the acknowledgement. kStore leaves measurement for a moment. kInvalidInput when the
-  /// device refuses, kOutOfRange when none is measuring, kIoError when it does not answer.
+  /// device refuses or the call comes from the callback, kOutOfRange when none is measuring,
+  /// kIoError when it does not answer.
   Status resetOrientation(OrientationReset reset);
   DriverStatistics statistics() const;
 
@@ -119,9 +127,12 @@ struct FoundDevice {
   int baud_rate = 0;
   std::string problem;  ///< why it could not be probed ("no permission: ...")
 };
-/// Serial ports that could carry an MTi. Opens nothing.
+/// Serial ports that could carry an MTi, the likeliest first: Xsens, FTDI, other USB adapters,
+/// built-in ports. Where there is a name that survives replugging (/dev/serial/by-id), it is that.
+/// Opens nothing. Port "auto" tries all but the built-in ones.
 std::vector<FoundDevice> listPorts();
-/// Opens the port and asks at all baud rates; leaves the device as it was (measuring, if it was).
+/// Opens the port and asks at all baud rates; leaves the device as it was. One that measures stops
+/// for as long as it answers, about a tenth of a second.
 FoundDevice probe(const std::string& port, const DriverOptions& options = {});
 
 }  // namespace scanner::mti

@@ -16,9 +16,12 @@ enum class MessageId : std::uint8_t {
   kSetPeriod = 0x04,
   kReqConfiguration = 0x0C,
   kConfiguration = 0x0D,
+  kRestoreFactoryDefaults = 0x0E,
   kGoToMeasurement = 0x10,
   kReqFirmwareRevision = 0x12,
   kSetBaudRate = 0x18,
+  kReqProductCode = 0x1C,
+  kReqHardwareVersion = 0x1E,
   kGoToConfig = 0x30,
   kMtData = 0x32,
   kReqData = 0x34,
@@ -27,8 +30,12 @@ enum class MessageId : std::uint8_t {
   kWakeUpAck = 0x3F,
   kReset = 0x40,
   kError = 0x42,
+  kReqFilterScenarios = 0x62,
+  kSetFilterScenario = 0x64,
   kSetHeading = 0x82,
+  kFilterSettings = 0xA0,
   kResetOrientation = 0xA4,
+  kSetOutputConfiguration = 0xC0,
   kSetOutputMode = 0xD0,
   kSetOutputSettings = 0xD2,
   kSetOutputSkipFactor = 0xD4,
@@ -41,9 +48,11 @@ enum class MessageId : std::uint8_t {
 /// The one data byte of an Error message.
 enum class ErrorCode : std::uint8_t {
   kPeriod = 0x03,
-  kMessage = 0x04,  ///< unknown, or not allowed in this state
+  kMessage = 0x04,        ///< unknown, or not allowed in this state
+  kTimerOverflow = 0x1E,  ///< the period is too short for what is to be sent
   kBaudRate = 0x20,
   kParameter = 0x21,
+  kLineTooSlow = 0x29,  ///< more data than the baud rate carries
 };
 
 /// Data bytes of the longest message.

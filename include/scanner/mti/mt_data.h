@@ -42,10 +42,16 @@ std::size_t mtDataSize(std::uint16_t mode, std::uint32_t settings);
 /// kInvalidInput when it is no MTData, the length does not fit the mode, a value is not finite or
 /// the orientation is no rotation; kUnsupported for raw mode and others of length 0.
 ///
-/// The matrix is read row by row, R_earth_sensor * v_sensor = v_earth: so do the public drivers and
-/// the vendor's old library; nothing was recorded from a real device in matrix mode to prove it.
+/// The matrix comes column by column, R_earth_sensor = [a d g; b e h; c f i] (MT0100P 4.3.3): the
+/// first three numbers are where the sensor's x axis points. The vendor's old library and public
+/// drivers hand it on row by row, which is the inverse. A recorded device, which sends quaternion
+/// and matrix side by side in MTData2, agrees with the manual.
 /// Euler angles are roll, pitch, yaw in degrees on the wire, R = Rz(yaw) Ry(pitch) Rx(roll).
 Result<MtData> decodeMtData(const Message& message, std::uint16_t mode, std::uint32_t settings);
+/// How far the orientation that was sent is from a rotation: | |q| - 1 |, or the largest entry of
+/// |R R^T - I|; 0 for Euler angles and for messages that do not decode. Rounding to single
+/// precision leaves a few 1e-7: more is a sign of damage that the checksum missed.
+double rotationDefect(const Message& message, std::uint16_t mode, std::uint32_t settings);
 /// The inverse, for the emulated device. Throws ConfigurationError when a value is missing.
 Message encodeMtData(const MtData& data, std::uint16_t mode, std::uint32_t settings);
 

@@ -2,8 +2,10 @@
 
 #include <string>
 
+#include "scanner/bumblebee/driver.h"
 #include "scanner/core/options.h"
 #include "scanner/inertial/options.h"
+#include "scanner/mti/driver.h"
 #include "scanner/registration/options.h"
 #include "scanner/stereo/options.h"
 #include "scanner/surface/options.h"
@@ -22,6 +24,8 @@ void describe(OptionVisitor& v, ScanOptions& o);
 /// Everything that can be configured: one block per stage.
 struct ScannerConfig {
   ScanOptions scan;
+  mti::DriverOptions mti;              ///< the driver's; a recording has it behind it
+  bumblebee::DriverOptions bumblebee;  ///< likewise
   stereo::StereoOptions stereo;
   inertial::InertialOptions inertial;
   registration::RegistrationOptions registration;

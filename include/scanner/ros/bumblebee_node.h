@@ -28,7 +28,8 @@ void describe(OptionVisitor& v, BumblebeeNodeOptions& o);
 ///                                       the calibration
 ///   /diagnostics                        state, rate, losses, exposure, clock, calibration
 /// Services
-///   bumblebee/{left,right}/set_camera_info   as cameracalibrator calls them
+///   bumblebee/{left,right}/set_camera_info   as cameracalibrator calls them; from the first images
+///                                            of a camera on
 ///   ~get_register, ~set_register             scanner/GetRegister, scanner/SetRegister
 ///   ~bumblebee/set_parameters                dynamic_reconfigure (cfg/Bumblebee.cfg)
 /// Parameters
