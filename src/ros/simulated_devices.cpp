@@ -22,14 +22,10 @@ namespace {
 /// and the filters of the odometry settle.
 constexpr double kSettleS = 4.0;
 
-/// The samples from the first view on: before it the device repeats its first one, standing still.
-std::vector<MtiSample> samplesFrom(const Simulation& simulation, double time_s) {
-  std::vector<MtiSample> samples;
-  for (const MtiSample& sample : simulation.samples()) {
-    if (sample.time_s < time_s) continue;
-    samples.push_back(sample);
-    samples.back().time_s -= time_s;
-  }
+/// On a clock that is 0 at the first view. What comes before is the rig standing still.
+std::vector<MtiSample> samplesFromFirstView(const Simulation& simulation) {
+  std::vector<MtiSample> samples = simulation.samples();
+  for (MtiSample& sample : samples) sample.time_s -= simulation.viewTime(0);
   return samples;
 }
 
@@ -88,7 +84,7 @@ class SimulatedDevices::Impl {
         frames_(frames),
         next_picture_(frames),
         truth_(nh, simulation),
-        mti_(mtiOptions(options), samplesFrom(simulation, simulation.viewTime(0))),
+        mti_(mtiOptions(options), samplesFromFirstView(simulation)),
         camera_(cameraOptions(options, simulation),
                 [this](std::uint64_t, const Exposure& exposure) { return take(exposure); }) {
     built_ = true;
@@ -122,9 +118,11 @@ class SimulatedDevices::Impl {
     if (!begun_) return std::nullopt;
     return simulation_.viewTime(0) + toSeconds(now - *begun_);
   }
+  /// With the last picture: there is none of how the motion ebbs away after it.
   bool ended() const {
     const std::optional<double> time = motionTime(fromRos(ros::Time::now()));
-    return time && *time > simulation_.motion().duration();
+    const double period = 1.0 / simulation_.options().motion.view_rate_hz;
+    return time && *time > simulation_.viewTime(simulation_.views() - 1) + 0.5 * period;
   }
 
   /// Called with the middle of each exposure; decides when the motion begins.

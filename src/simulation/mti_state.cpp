@@ -130,13 +130,17 @@ void MtiState::sendSample(std::uint64_t index) {
   send(MessageId::kMtData, data.data, time_s + kLatencyS);
 }
 
+MtiReading MtiState::readingAt(double time_s) const {
+  return std::isfinite(zero_s_) ? track_.at(time_s - zero_s_) : track_.waiting(time_s);
+}
+
 Quaterniond MtiState::sensorInEarth(double time_s) const {
-  return yaw(-kPi / 2.0) * track_.at(time_s - zero_s_).orientation;
+  return yaw(-kPi / 2.0) * readingAt(time_s).orientation;
 }
 
 /// The data of one message; the counter counts messages (MT0100P 4.7).
 mti::MtData MtiState::measure(double time_s) {
-  const MtiReading reading = track_.at(time_s - zero_s_);
+  const MtiReading reading = readingAt(time_s);
   Quaterniond orientation = active_.earth * sensorInEarth(time_s) * active_.object.conjugate();
   if ((active_.settings & mti::output_settings::kNorthEastDown) != 0) {
     orientation = Quaterniond(0.0, 1.0, 0.0, 0.0) * orientation;  // half a turn about north

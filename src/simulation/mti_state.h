@@ -97,6 +97,7 @@ class MtiState {
   void goToMeasurement(double now_s);
   void sendSample(std::uint64_t index);
   mti::MtData measure(double time_s);
+  MtiReading readingAt(double time_s) const;
   Eigen::Quaterniond sensorInEarth(double time_s) const;
   double sampleTime(std::uint64_t index) const;
   void send(mti::MessageId id, std::vector<std::uint8_t> data, double ready_s);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "scanner/core/status.h"
 
@@ -58,7 +59,15 @@ MtiTrack::MtiTrack(std::vector<MtiSample> samples) : samples_(std::move(samples)
   }
 }
 
-MtiReading MtiTrack::at(double time_s) const {
+double MtiTrack::folded(double time_s) const {
+  const double lead_s = -samples_.front().time_s;
+  if (time_s >= 0.0 || lead_s <= 0.0) return time_s;
+  const double phase = std::fmod(-time_s, 2.0 * lead_s);
+  return -std::min(phase, 2.0 * lead_s - phase);
+}
+
+MtiReading MtiTrack::at(double unfolded_s) const {
+  const double time_s = folded(unfolded_s);
   if (time_s <= samples_.front().time_s) return reading(samples_.front());
   if (time_s >= samples_.back().time_s) return reading(samples_.back());
   const auto after =

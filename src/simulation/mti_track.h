@@ -20,15 +20,20 @@ struct MtiReading {
 /// slerp for the orientation) and the errors are those of the nearest sample, not interpolated:
 /// blending neighbours would make the noise smaller than it was specified. Samples without truth
 /// are interpolated as they are. Before the first and after the last sample the device stands
-/// still.
+/// still. Samples before time 0 say what standing still looks like, noise and all: they are gone
+/// through to and fro for as long as the device waits for time 0.
 class MtiTrack {
  public:
   /// Throws ConfigurationError when there is no sample, times do not increase or an orientation is
   /// missing.
   explicit MtiTrack(std::vector<MtiSample> samples);
-  MtiReading at(double time_s) const;
+  MtiReading at(double unfolded_s) const;
+  /// While nobody knows when time 0 will be, `waited_s` after power-on.
+  MtiReading waiting(double waited_s) const { return at(-waited_s); }
 
  private:
+  double folded(double time_s) const;
+
   std::vector<MtiSample> samples_;
 };
 

@@ -45,6 +45,18 @@ TEST(MtiTrack, InterpolatesTheMotionButNotTheNoise) {
   EXPECT_EQ(track.at(50.0).angular_velocity, samples.back().imu.angular_velocity);
 }
 
+TEST(MtiTrack, WaitsToAndFroThroughWhatLiesBeforeTheStart) {
+  std::vector<MtiSample> samples;
+  for (int i = -200; i <= 100; ++i) samples.push_back(sampleAt(0.01 * i));
+  const MtiTrack track(samples);
+  const auto turned = [&](double t) { return logSo3(track.at(t).orientation).z(); };
+  EXPECT_NEAR(turned(-0.5), -0.5, 1e-9);
+  EXPECT_NEAR(turned(-2.5), -1.5, 1e-9);  // on the way back
+  EXPECT_NEAR(turned(-4.5), -0.5, 1e-9);
+  EXPECT_NEAR(turned(0.5), 0.5, 1e-9);
+  EXPECT_NEAR(logSo3(track.waiting(6.5).orientation).z(), -1.5, 1e-9);
+}
+
 TEST(MtiTrack, RefusesUselessSamples) {
   EXPECT_THROW(MtiTrack({}), ConfigurationError);
   MtiSample blind = sampleAt(0.0);

@@ -1,8 +1,11 @@
 """What the tests of the commands share."""
+import contextlib
+import fcntl
 import os
 import pathlib
 import struct
 import subprocess
+import tempfile
 import zlib
 
 BIN = pathlib.Path(os.environ["SCANNER_BIN"])
@@ -15,6 +18,15 @@ def run(command, *arguments):
     done = subprocess.run([str(BIN / command), *map(str, arguments)], stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE, universal_newlines=True, check=False)
     return done.returncode, done.stdout, done.stderr
+
+
+@contextlib.contextmanager
+def camera_port():
+    """One emulated camera per machine: the same lock as test/support/camera_port_lock.h."""
+    path = pathlib.Path(tempfile.gettempdir()) / "scanner_camera_port.lock"
+    with open(path, "r" if path.exists() else "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def write_png(path, width, height, pixel):

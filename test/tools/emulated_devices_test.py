@@ -1,5 +1,4 @@
 """rig_simulator_node as the two devices: what a driver finds on the terminal and on the network."""
-import fcntl
 import os
 import pathlib
 import select
@@ -9,14 +8,13 @@ import tempfile
 import time
 import unittest
 
-from commands import ROOT
+from commands import ROOT, camera_port
 from simulated_rig_test import free_port
 
 GO_TO_MEASUREMENT = bytes([0xFA, 0xFF, 0x10, 0x00, 0xF1])
 MT_DATA = bytes([0xFA, 0xFF, 0x32])
 GVCP_DISCOVERY = bytes([0x42, 0x01, 0x00, 0x02, 0x00, 0x00, 0x00, 0x07])
 PATIENCE_S = 60.0
-LOCK = pathlib.Path(tempfile.gettempdir()) / "scanner_camera_port.lock"
 
 
 def eventually(condition):
@@ -57,9 +55,9 @@ def measures(link):
 
 class EmulatedDevices(unittest.TestCase):
     def setUp(self):
-        # One emulated camera per machine: the same lock as test/support/camera_port_lock.h.
-        self.lock = open(LOCK, "r" if LOCK.exists() else "w")
-        fcntl.flock(self.lock, fcntl.LOCK_EX)
+        lock = camera_port()
+        lock.__enter__()
+        self.addCleanup(lock.__exit__, None, None, None)
         self.place = tempfile.TemporaryDirectory()
         self.link = pathlib.Path(self.place.name) / "mti"
         port = free_port()
@@ -81,7 +79,6 @@ class EmulatedDevices(unittest.TestCase):
         self.node.wait(timeout=60)
         self.log.close()
         self.place.cleanup()
-        self.lock.close()
 
     def call(self, service, argument):
         done = subprocess.run(["rosservice", "call", service, argument], env=self.environment,

@@ -1,21 +1,17 @@
 """Cables pulled and put back under field.launch sim:=true; bench/replug.py does it ten times."""
-import fcntl
 import pathlib
 import subprocess
 import sys
 import tempfile
 import unittest
 
-from commands import ROOT
+from commands import ROOT, camera_port
 from simulated_rig_test import HERE, half_resolution
-
-LOCK = pathlib.Path(tempfile.gettempdir()) / "scanner_camera_port.lock"
 
 
 class Replug(unittest.TestCase):
     def test_both_devices_come_back_and_the_map_survives(self):
-        with tempfile.TemporaryDirectory() as place, open(LOCK, "r" if LOCK.exists() else "w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)  # one emulated camera per machine: test/support/camera_port_lock.h
+        with tempfile.TemporaryDirectory() as place, camera_port():
             config = pathlib.Path(place) / "half.yaml"
             config.write_text(half_resolution((ROOT / "config" / "field.yaml").read_text()))
             done = subprocess.run(

@@ -45,8 +45,8 @@ class EmulatedMti {
   /// link.
   std::string path() const;
   /// The time 0 of the samples is now (steady clock, `delay_s` from now). Before it the device
-  /// sends its first sample over and over, as one that stands still does; after the last one, the
-  /// last.
+  /// stands still: it sends its samples from before time 0 to and fro, its first one if there are
+  /// none; after the last one, the last.
   void start(double delay_s = 0.0);
   /// Throws ConfigurationError for shares outside of 0..1.
   void setFaults(const MtiFaults& faults);
