@@ -3,13 +3,15 @@
 
     bench/replug.py [--times 10] [--simulation FILE] [--config FILE] [--patience-s 30]
 
-Starts `field.launch sim:=true` on a master of its own, waits until the scan runs, then pulls and
-replaces each cable `--times` times, the first ones while the rig moves. Prints how long each driver
+Starts `field.launch sim:=true` on a master of its own, waits until the rig has gone its way and
+stands (a rig that goes on without a camera leaves what the next view could be placed by), then pulls
+and replaces each cable `--times` times. Prints how long each driver
 took from the cable being back to its first message, and what the scan had before and after. Exits
 with 1 when a driver did not come back, when stamps went backwards, when views were lost from the map, or
 when none was added after the last cable was back. Needs the environment of devel/setup.bash.
 """
 import argparse
+import collections
 import os
 import pathlib
 import signal
@@ -26,6 +28,11 @@ def free_port():
     with socket.socket() as s:
         s.bind(("", 0))
         return s.getsockname()[1]
+
+
+def listening(port):
+    with socket.socket() as s:
+        return s.connect_ex(("localhost", port)) == 0
 
 
 class Stream:
@@ -66,26 +73,35 @@ def registered(status):
         return status.latest.views_registered if status.count else 0
 
 
-def wait_for(condition, patience_s):
+def wait_for(condition, patience_s, alive=lambda: True):
     deadline = time.monotonic() + patience_s
-    while not condition() and time.monotonic() < deadline:
+    while not condition() and time.monotonic() < deadline and alive():
         time.sleep(0.1)
     return condition()
 
 
-def exercise(options):
+def exercise(options, alive):
     import rospy
+    from geometry_msgs.msg import PoseStamped
     from sensor_msgs.msg import Image, Imu
     from std_srvs.srv import SetBool
-    from scanner.msg import RegistrationStatus
+    from scanner.msg import RegisteredView, RegistrationStatus
 
     rospy.init_node("replug", disable_signals=True)
     streams = {"camera": Stream(rospy, "/bumblebee/left/image_raw", Image),
                "mti": Stream(rospy, "/mti/imu/data", Imu)}
     status = Stream(rospy, "/registration/status", RegistrationStatus)
-    if not wait_for(lambda: registered(status) >= 2, options.start_patience_s):
+    if not wait_for(lambda: registered(status) >= 2, options.start_patience_s, alive):
         print("replug: the scan did not start", file=sys.stderr)
         return 1
+    reasons = collections.Counter()
+    rospy.Subscriber("/registration/views", RegisteredView,
+                     lambda view: reasons.update([view.reason] if view.reason else []), queue_size=1000)
+    truth = Stream(rospy, "/ground_truth/pose", PoseStamped)
+    if not truth.silent(3.0, options.start_patience_s):
+        print("replug: the rig does not come to rest", file=sys.stderr)
+        return 1
+    begin = registered(status)
     failures, seconds = [], {name: [] for name in streams}
     for turn in range(options.times):
         for name, stream in streams.items():
@@ -105,6 +121,8 @@ def exercise(options):
                 failures.append(f"{name}, turn {turn + 1}: the map lost views")
             print(f"{name:7s} turn {turn + 1:2d}: back after {took:5.2f} s; views {before} -> {registered(status)}",
                   flush=True)
+    if registered(status) <= begin:
+        failures.append("no view was added in between")
     last = registered(status)
     if not wait_for(lambda: registered(status) > last, options.patience_s):
         failures.append("no view was added after the last cable was back")
@@ -114,7 +132,10 @@ def exercise(options):
         if seconds[name]:
             print(f"{name:7s} {len(seconds[name])} of {options.times} times back; seconds median "
                   f"{statistics.median(seconds[name]):.2f}, longest {max(seconds[name]):.2f}")
-    print(f"views registered {registered(status)}")
+    scan = status.latest
+    print(f"views registered {scan.views_registered} of {scan.views_total}, {scan.queue_length} waiting")
+    for reason, count in reasons.most_common(5):
+        print(f"  {count} not placed: {reason}")
     for failure in failures:
         print("replug: " + failure, file=sys.stderr)
     return 1 if failures else 0
@@ -139,8 +160,9 @@ def main():
                  f"simulation:={options.simulation}", f"mti_link:={place}/mti"],
                 stdout=output, stderr=subprocess.STDOUT)
             try:
-                wait_for(lambda: socket.socket().connect_ex(("localhost", port)) == 0, 60)
-                result = exercise(options)
+                alive = lambda: launch.poll() is None
+                wait_for(lambda: listening(port), 60, alive)
+                result = exercise(options, alive) if alive() else 1
             finally:
                 launch.send_signal(signal.SIGINT)
                 launch.wait(timeout=60)

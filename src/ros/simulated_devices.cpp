@@ -21,6 +21,7 @@ namespace {
 /// The rig stands still for so long in front of both drivers before the motion begins: their clocks
 /// and the filters of the odometry settle.
 constexpr double kSettleS = 4.0;
+constexpr double kStillEndS = 0.8;  ///< at the end of every motion (simulation/motion.h)
 
 /// On a clock that is 0 at the first view. What comes before is the rig standing still.
 std::vector<MtiSample> samplesFromFirstView(const Simulation& simulation) {
@@ -32,6 +33,7 @@ std::vector<MtiSample> samplesFromFirstView(const Simulation& simulation) {
 EmulatedMti::Options mtiOptions(const SimulatedDevices::Options& options) {
   EmulatedMti::Options mti;
   mti.link = options.mti_link;
+  mti.still_end_s = kStillEndS;
   return mti;
 }
 

@@ -54,7 +54,8 @@ class EmulatedMti::Impl {
   Impl(const Options& options, std::vector<MtiSample> samples)
       : link_(options.link),
         epoch_(Clock::now()),
-        state_(options.device_id, options.clock_ppm, MtiTrack(std::move(samples))),
+        state_(options.device_id, options.clock_ppm,
+               MtiTrack(std::move(samples), options.still_end_s)),
         line_(options.burst_s),
         random_(static_cast<std::uint64_t>(options.seed)) {
     if (!(options.burst_s >= 0.0)) throw ConfigurationError("bursts of the MTi: a negative period");

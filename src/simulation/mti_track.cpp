@@ -47,7 +47,8 @@ void interpolateTruth(const std::array<const MtiSample*, 4>& around, double s, M
 
 }  // namespace
 
-MtiTrack::MtiTrack(std::vector<MtiSample> samples) : samples_(std::move(samples)) {
+MtiTrack::MtiTrack(std::vector<MtiSample> samples, double still_end_s)
+    : samples_(std::move(samples)), still_end_s_(still_end_s) {
   if (samples_.empty()) throw ConfigurationError("an emulated MTi needs at least one sample");
   for (std::size_t i = 0; i < samples_.size(); ++i) {
     if (!samples_[i].imu.orientation) {
@@ -60,6 +61,11 @@ MtiTrack::MtiTrack(std::vector<MtiSample> samples) : samples_(std::move(samples)
 }
 
 double MtiTrack::folded(double time_s) const {
+  const double past_s = time_s - samples_.back().time_s;
+  if (past_s > 0.0 && still_end_s_ > 0.0) {
+    const double phase = std::fmod(past_s, 2.0 * still_end_s_);
+    return samples_.back().time_s - std::min(phase, 2.0 * still_end_s_ - phase);
+  }
   const double lead_s = -samples_.front().time_s;
   if (time_s >= 0.0 || lead_s <= 0.0) return time_s;
   const double phase = std::fmod(-time_s, 2.0 * lead_s);

@@ -21,12 +21,13 @@ struct MtiReading {
 /// blending neighbours would make the noise smaller than it was specified. Samples without truth
 /// are interpolated as they are. Before the first and after the last sample the device stands
 /// still. Samples before time 0 say what standing still looks like, noise and all: they are gone
-/// through to and fro for as long as the device waits for time 0.
+/// through to and fro for as long as the device waits for time 0; so are the last `still_end_s`
+/// after the end.
 class MtiTrack {
  public:
   /// Throws ConfigurationError when there is no sample, times do not increase or an orientation is
   /// missing.
-  explicit MtiTrack(std::vector<MtiSample> samples);
+  explicit MtiTrack(std::vector<MtiSample> samples, double still_end_s = 0.0);
   MtiReading at(double unfolded_s) const;
   /// While nobody knows when time 0 will be, `waited_s` after power-on.
   MtiReading waiting(double waited_s) const { return at(-waited_s); }
@@ -35,6 +36,7 @@ class MtiTrack {
   double folded(double time_s) const;
 
   std::vector<MtiSample> samples_;
+  double still_end_s_;
 };
 
 }  // namespace scanner::simulation

@@ -57,6 +57,15 @@ TEST(MtiTrack, WaitsToAndFroThroughWhatLiesBeforeTheStart) {
   EXPECT_NEAR(logSo3(track.waiting(6.5).orientation).z(), -1.5, 1e-9);
 }
 
+TEST(MtiTrack, StandsStillAsAtTheEnd) {
+  std::vector<MtiSample> samples;
+  for (int i = 0; i <= 100; ++i) samples.push_back(sampleAt(0.01 * i));
+  const MtiTrack track(samples, 0.4);
+  EXPECT_NEAR(logSo3(track.at(1.1).orientation).z(), 0.9, 1e-9);
+  EXPECT_NEAR(logSo3(track.at(1.5).orientation).z(), 0.7, 1e-9);
+  EXPECT_NEAR(logSo3(track.at(1.9).orientation).z(), 0.9, 1e-9);
+}
+
 TEST(MtiTrack, RefusesUselessSamples) {
   EXPECT_THROW(MtiTrack({}), ConfigurationError);
   MtiSample blind = sampleAt(0.0);

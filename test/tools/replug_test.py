@@ -16,7 +16,7 @@ class Replug(unittest.TestCase):
             config.write_text(half_resolution((ROOT / "config" / "field.yaml").read_text()))
             done = subprocess.run(
                 [sys.executable, ROOT / "bench" / "replug.py", "--times", "2", "--config", config,
-                 "--simulation", HERE / "simulated_rig.yaml", "--patience-s", "60"],
+                 "--start-patience-s", "120", "--simulation", HERE / "simulated_rig.yaml", "--patience-s", "60"],
                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=600,
                 check=False)
             self.assertEqual(done.returncode, 0, done.stdout)

@@ -29,10 +29,11 @@ class EmulatedMti {
  public:
   struct Options {
     std::uint32_t device_id = 0x00300123;
-    std::string link;        ///< symbolic link kept on the terminal; empty: none
-    double burst_s = 0.0;    ///< bytes arrive in bursts of this period, as from a USB adapter
-    double clock_ppm = 0.0;  ///< the device's clock against the host's
-    int seed = 1;            ///< of the faults
+    std::string link;          ///< symbolic link kept on the terminal; empty: none
+    double burst_s = 0.0;      ///< bytes arrive in bursts of this period, as from a USB adapter
+    double still_end_s = 0.0;  ///< the last so many seconds are repeated to and fro at the end
+    double clock_ppm = 0.0;    ///< the device's clock against the host's
+    int seed = 1;              ///< of the faults
   };
   /// `samples` are at a fixed rate; each is sent at its time after start(), at the rate that was
   /// configured (in between: src/simulation/mti_track.h). Powered on at once. Throws
@@ -46,7 +47,7 @@ class EmulatedMti {
   std::string path() const;
   /// The time 0 of the samples is now (steady clock, `delay_s` from now). Before it the device
   /// stands still: it sends its samples from before time 0 to and fro, its first one if there are
-  /// none; after the last one, the last.
+  /// none; after the last one, the last, or the last `still_end_s` to and fro.
   void start(double delay_s = 0.0);
   /// Throws ConfigurationError for shares outside of 0..1.
   void setFaults(const MtiFaults& faults);
