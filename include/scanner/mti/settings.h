@@ -110,12 +110,13 @@ Message encodeConfiguration(const DeviceConfiguration& configuration);
 
 // ---- orientation filter ----------------------------------------------------------------------
 
-/// The filter of the first MTi (table 3.2 of the thesis). Not in MT0100P; taken from three public
-/// clients of that time, which agree: MID 0xA0, first byte 0 = gain, 1 = weighting of the
-/// magnetometer ("rho"), then a float, then one byte that says whether to store it; the question
-/// is the first byte alone, the answer repeats it before the float. Later firmware answers Error 4
-/// (message invalid) and knows filter scenarios instead (below). Never seen with a real device, so
-/// a refusal must not keep a driver from measuring.
+/// The filter of the first MTi (table 3.2 of the thesis). Not in MT0100P; the set message is
+/// that of a public client of that time, question and answer those of the vendor's old library: MID
+/// 0xA0, first byte 0 = gain, 1 = weighting of the magnetometer ("rho"), then a float, then one
+/// byte that says whether to store it; the question is the first byte alone, the answer repeats it
+/// before the float. Later firmware answers Error 4 (message invalid) and knows filter scenarios
+/// instead (below). Never seen with a real device, so a refusal must not keep a driver from
+/// measuring.
 enum class FilterParameter : std::uint8_t { kGain = 0, kWeighting = 1 };
 /// Gain in Hz, above 0.01 up to 50 (factory: 1); weighting 0 to below 10 (factory: 1).
 Message setFilterParameter(FilterParameter parameter, double value, bool store);
