@@ -5,8 +5,10 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include "scanner/core/status.h"
+#include "scanner/ros/bumblebee_node.h"
 #include "scanner/ros/inertial_odometry_node.h"
 #include "scanner/ros/mesh_node.h"
+#include "scanner/ros/mti_node.h"
 #include "scanner/ros/registration_node.h"
 #include "scanner/ros/stereo_node.h"
 #include "scanner/ros/viewfinder_node.h"
@@ -28,6 +30,8 @@ class NodeletOf : public nodelet::Nodelet {
   std::unique_ptr<Node> node_;
 };
 
+using BumblebeeNodelet = NodeletOf<BumblebeeNode>;
+using MtiNodelet = NodeletOf<MtiNode>;
 using StereoNodelet = NodeletOf<StereoNode>;
 using InertialOdometryNodelet = NodeletOf<InertialOdometryNode>;
 using RegistrationNodelet = NodeletOf<RegistrationNode>;
@@ -36,6 +40,8 @@ using ViewfinderNodelet = NodeletOf<ViewfinderNode>;
 
 }  // namespace scanner::bridge
 
+PLUGINLIB_EXPORT_CLASS(scanner::bridge::BumblebeeNodelet, nodelet::Nodelet)
+PLUGINLIB_EXPORT_CLASS(scanner::bridge::MtiNodelet, nodelet::Nodelet)
 PLUGINLIB_EXPORT_CLASS(scanner::bridge::StereoNodelet, nodelet::Nodelet)
 PLUGINLIB_EXPORT_CLASS(scanner::bridge::InertialOdometryNodelet, nodelet::Nodelet)
 PLUGINLIB_EXPORT_CLASS(scanner::bridge::RegistrationNodelet, nodelet::Nodelet)

@@ -65,7 +65,10 @@ TEST_P(FrameClockMoment, StampsAreMidExposureWhateverTheExposure) {
 }
 INSTANTIATE_TEST_SUITE_P(All, FrameClockMoment,
                          testing::Values(StampMoment::kStartOfExposure, StampMoment::kEndOfExposure,
-                                         StampMoment::kStartOfTransmission));
+                                         StampMoment::kStartOfTransmission),
+                         [](const testing::TestParamInfo<StampMoment>& moment) {
+                           return "moment" + std::to_string(static_cast<int>(moment.param));
+                         });
 
 TEST(FrameClock, ASettingThatTheCameraTakesLateDoesNotPullTheClock) {
   const Stream stream(StampMoment::kStartOfExposure);
