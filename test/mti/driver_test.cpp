@@ -11,9 +11,9 @@
 #include <thread>
 
 #include "mti/driver_options.h"
+#include "mti/mti_truth.h"
 #include "scanner/core/status.h"
 #include "scanner/simulation/emulated_mti.h"
-#include "mti/mti_truth.h"
 #include "support/temporary_folder.h"
 
 namespace scanner::mti {
@@ -309,8 +309,8 @@ TEST_F(MtiDriver, DamageIsHeldBack) {
   options.rate_hz = 100.0;
   Driver driver(options, collector_.callback());
   ASSERT_TRUE(collector_.await(50)) << driver.statistics().problem;
-  device.setFaults({0.01, 0.0, false, false});
-  ASSERT_TRUE(collector_.await(100)) << driver.statistics().problem;
+  device.setFaults({0.004, 0.0, false, false});
+  ASSERT_TRUE(collector_.await(150)) << driver.statistics().problem;
   device.setFaults({0.0, 0.01, false, false});
   ASSERT_TRUE(collector_.await(60)) << driver.statistics().problem;
   device.setFaults({});
@@ -321,12 +321,13 @@ TEST_F(MtiDriver, DamageIsHeldBack) {
   EXPECT_GT(statistics.skipped_bytes, 0U);
   const std::vector<Sample> samples = collector_.samples();
   expectInOrder(samples);
-  // What the plausibility filter cannot tell from noise is below this (see plausibility.h).
-  expectTrue(samples, 100.0, 0.1);
+  // What the plausibility filter cannot tell from noise is below this, but for one sample in 10^5
+  // (see plausibility.h, and its own test).
+  expectTrue(samples, 100.0, 0.5);
   const std::uint64_t span = samples.back().number - samples.front().number + 1;
   EXPECT_NEAR(static_cast<double>(statistics.lost), static_cast<double>(span - samples.size()), 3.0)
       << "the loss is counted";
-  EXPECT_GT(statistics.lost, 30U) << "every other message was hit";
+  EXPECT_GT(statistics.lost, 15U) << "every fourth message was hit";
   EXPECT_LT(statistics.lost, 1000U);
 }
 
