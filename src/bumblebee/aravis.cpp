@@ -108,7 +108,8 @@ Result<Found> find(const std::string& address) {
   for (Found& found : discover()) {
     if (address.empty() || address == found.identity.address || address == found.identity.serial ||
         address == found.physical) {
-      return std::move(found);
+      Result<Found> wanted(std::move(found));
+      return wanted;
     }
   }
   for (const CameraIdentity& closed : aravis::closedUsbCameras()) {

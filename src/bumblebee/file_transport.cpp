@@ -1,14 +1,13 @@
 #include "bumblebee/file_transport.h"
 
 #include <chrono>
-#include <condition_variable>
 #include <cstdint>
 #include <fstream>
 #include <iterator>
-#include <mutex>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "bumblebee/transports.h"
@@ -238,14 +237,7 @@ Result<RawFrame> PicturePlayer::grab(Duration timeout) {
   const Duration device_time = static_cast<Duration::rep>(next_) * period_;
   const Steady::time_point due = started_ + device_time;
   const Steady::time_point latest = Steady::now() + timeout;
-  {
-    // Nobody notifies: a wait until a moment of the monotonic clock.
-    std::mutex mutex;
-    std::unique_lock<std::mutex> lock(mutex);
-    std::condition_variable timer;
-    const Steady::time_point until = std::min(due, latest);
-    timer.wait_until(lock, until, [until] { return Steady::now() >= until; });
-  }
+  std::this_thread::sleep_until(std::min(due, latest));  // the frame rate itself
   if (due > latest) return Status(StatusCode::kOutOfRange, "no frame yet");
   RawFrame frame;
   frame.status = fill(frames_[next_ % frames_.size()], frame);

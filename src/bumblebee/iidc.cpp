@@ -328,11 +328,10 @@ EmbeddedInfo readEmbeddedInfo(const std::uint8_t* bytes, std::size_t size,
   const std::size_t fields =
       (format.embedded_timestamp ? 1U : 0U) + (format.embedded_counter ? 1U : 0U);
   if (size < 4 * fields) return info;
-  const auto quadlet = [&bytes] {
-    const std::uint32_t value = static_cast<std::uint32_t>(bytes[0]) << 24 |
-                                static_cast<std::uint32_t>(bytes[1]) << 16 |
-                                static_cast<std::uint32_t>(bytes[2]) << 8 | bytes[3];
-    bytes += 4;
+  std::size_t next = 0;
+  const auto quadlet = [bytes, &next] {
+    std::uint32_t value = 0;
+    for (int i = 0; i < 4; ++i) value = value << 8 | bytes[next++];
     return value;
   };
   if (format.embedded_timestamp) {

@@ -106,7 +106,7 @@ std::vector<Found> findAll(libusb_context* context) {
 
 class UsbStereoCamera : public StereoCamera {
  public:
-  UsbStereoCamera(UsbContext context, Found found, const TransportOptions& options)
+  UsbStereoCamera(UsbContext context, Found&& found, const TransportOptions& options)
       : context_(std::move(context)),
         handle_(std::move(found.handle)),
         registers_(handle_.get()),

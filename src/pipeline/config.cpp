@@ -40,9 +40,8 @@ std::string documentConfiguration() {
          "name keeps the default given here; an unknown key, a wrong type or a value out of bounds "
          "is refused. `config/field.yaml` (the default), `config/thesis.yaml` (the published "
          "method) and `config/room.yaml` (rooms, 2-5 m) ship with the package.\n\n" +
-         documentOptions<ScanOptions>("scan") + "\n" +
-         documentOptions<mti::DriverOptions>("mti") + "\n" +
-         documentOptions<bumblebee::DriverOptions>("bumblebee") + "\n" +
+         documentOptions<ScanOptions>("scan") + "\n" + documentOptions<mti::DriverOptions>("mti") +
+         "\n" + documentOptions<bumblebee::DriverOptions>("bumblebee") + "\n" +
          documentOptions<stereo::StereoOptions>("stereo") + "\n" +
          documentOptions<inertial::InertialOptions>("inertial") + "\n" +
          documentOptions<registration::RegistrationOptions>("registration") + "\n" +

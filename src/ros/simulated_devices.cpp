@@ -89,7 +89,7 @@ class SimulatedDevices::Impl {
         mti_(mtiOptions(options), samplesFromFirstView(simulation)),
         camera_(cameraOptions(options, simulation),
                 [this](std::uint64_t, const Exposure& exposure) { return take(exposure); }) {
-    built_ = true;
+    built_.store(true);
   }
 
   void run() {
