@@ -308,8 +308,9 @@ TEST_F(AravisTest, NoFrameInTimeIsNoError) {
   plug(0.5);
   const auto camera = stream();
   ASSERT_TRUE(camera);
-  // The first frame comes when the stream starts, the others on the camera's grid, so the second may
-  // follow it at once. Two seconds pass after the second, unless this thread sleeps through them.
+  // The first frame comes when the stream starts, the others on the camera's grid, so the second
+  // may follow it at once. Two seconds pass after the second, unless this thread sleeps through
+  // them.
   ASSERT_TRUE(camera->grab(kPatience));
   StatusCode code = StatusCode::kOk;
   for (int tries = 0; tries < 3 && code == StatusCode::kOk; ++tries) {
