@@ -37,11 +37,10 @@ Rgb8 unpacked(const std::uint8_t* data) {
           static_cast<std::uint8_t>(bits)};
 }
 
-float* put(float* out, const Eigen::Vector3f& v) {
-  out[0] = v.x();
-  out[1] = v.y();
-  out[2] = v.z();
-  return out + 3;
+template <typename T>
+std::uint8_t* put(std::uint8_t* out, const T& value) {
+  std::memcpy(out, &value, sizeof(value));
+  return out + sizeof(value);
 }
 
 const sensor_msgs::PointField* find(const sensor_msgs::PointCloud2& message, const char* name) {
@@ -90,15 +89,15 @@ sensor_msgs::PointCloud2 toRos(const PointCloud& cloud, const std_msgs::Header& 
   if (cloud.hasSigmas()) addField(message, "sigma");
   message.row_step = message.point_step * message.width;
   message.data.resize(message.row_step);
+  std::uint8_t* out = message.data.data();
+  const bool normals = cloud.hasNormals(), colors = cloud.hasColors(), sigmas = cloud.hasSigmas();
   bool dense = true;
-  std::array<float, 8> point{};
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    float* out = put(point.data(), cloud.points[i]);
-    if (cloud.hasNormals()) out = put(out, cloud.normals[i]);
-    if (cloud.hasColors()) *out++ = packed(cloud.colors[i]);
-    if (cloud.hasSigmas()) *out++ = cloud.sigmas[i];
+    out = put(out, cloud.points[i]);
+    if (normals) out = put(out, cloud.normals[i]);
+    if (colors) out = put(out, packed(cloud.colors[i]));
+    if (sigmas) out = put(out, cloud.sigmas[i]);
     dense = dense && cloud.points[i].allFinite();
-    std::memcpy(message.data.data() + i * message.point_step, point.data(), message.point_step);
   }
   message.is_dense = dense;
   return message;
