@@ -13,6 +13,7 @@ Scanner::Scanner(const ScannerConfig& config, const Rig& rig, const StereoCalibr
       folder_(folder),
       T_base_optical_(rig.rectifiedCameraPose(calibration)),
       stereo_(calibration, config.stereo, threads),
+      range_(stereo_.makeRangeTracker()),
       inertial_(config.inertial),
       registrar_(config.registration, threads, static_cast<std::uint64_t>(config.scan.seed)) {
   if (folder_ == nullptr) return;
@@ -77,7 +78,7 @@ Status Scanner::processFrame(const PendingFrame& pending, const inertial::Odomet
 
 Result<stereo::StereoProcessor::Output> Scanner::runStereo(const StereoFrame& frame) {
   const StageTimer timer(times_.stereo);
-  return stereo_.process(frame);
+  return stereo_.process(frame, &range_);
 }
 
 Result<View> Scanner::makeView(const PendingFrame& pending,
@@ -88,6 +89,9 @@ Result<View> Scanner::makeView(const PendingFrame& pending,
   Result<View> view = stereo::makeView(pending.index, stereo.cloud, T_base_optical_,
                                        state.T_odom_base, config_.stereo.conditioning, nullptr);
   if (view) outcome->points = view->cloud.size();
+  if (!view && stereo.trouble) {
+    return Status(view.status().code(), view.status().message() + "; " + stereo.trouble.line);
+  }
   return view;
 }
 

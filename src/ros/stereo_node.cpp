@@ -108,13 +108,14 @@ class StereoNode::Impl {
 
   // Of the worker only.
   std::optional<stereo::StereoProcessor> processor_;
+  std::optional<stereo::RangeTracker> range_;
   sensor_msgs::CameraInfoConstPtr known_left_, known_right_;
   std::string frame_;
   ros::WallTime viewfinder_at_;
 
   std::mutex report_mutex_;
   std::size_t paired_ = 0, processed_ = 0, failed_ = 0;
-  std::string trouble_;
+  std::string trouble_, warning_;
   stereo::StereoStatistics newest_;
 
   std::unique_ptr<WorkQueue<Pair>> queue_;
@@ -185,6 +186,7 @@ Status StereoNode::Impl::prepare(const Pair& pair) {
   if (!calibration) return calibration.status();
   try {
     processor_.emplace(*calibration, stereo_options_, threads_);
+    range_.emplace(processor_->makeRangeTracker());
   } catch (const ConfigurationError& e) {
     return Status(StatusCode::kInvalidInput, e.what());
   }
@@ -205,7 +207,7 @@ Result<stereo::StereoProcessor::Output> StereoNode::Impl::process(const Pair& pa
   if (!left) return left.status();
   Result<Image> right = fromRos(*pair.right);
   if (!right) return right.status();
-  return processor_->process({fromRos(pair.left->header.stamp), *left, *right});
+  return processor_->process({fromRos(pair.left->header.stamp), *left, *right}, &*range_);
 }
 
 void StereoNode::Impl::work(const Pair& pair) {
@@ -216,7 +218,9 @@ void StereoNode::Impl::work(const Pair& pair) {
     const std::lock_guard<std::mutex> lock(report_mutex_);
     ++processed_;
     newest_ = output->statistics;
-    trouble_.clear();
+    const stereo::Trouble& trouble = output->trouble;
+    trouble_ = trouble.hopeless ? trouble.line : "";
+    warning_ = trouble.hopeless ? "" : trouble.line;
   } catch (const std::exception& e) {
     fail(pair, Status(StatusCode::kInvalidInput, e.what()));
   }
@@ -270,6 +274,7 @@ void StereoNode::Impl::report(DiagnosticStatus& status) {
   const std::string topics[] = {left_.getTopic(), right_.getTopic(), left_info_.getTopic(),
                                 right_info_.getTopic()};
   if (failed_ > 0) status.mergeSummary(kDiagnosticWarn, "pairs were skipped");
+  if (!warning_.empty()) status.mergeSummary(kDiagnosticWarn, warning_);
   if (!trouble_.empty()) status.summary(kDiagnosticError, trouble_);
   if (paired_ == 0 && received_[0] > 0 && received_[1] > 0 && received_[2] > 0) {
     status.summary(kDiagnosticError, "stamps of images and camera_infos are never equal");
@@ -286,6 +291,8 @@ void StereoNode::Impl::report(DiagnosticStatus& status) {
   status.add("pairs skipped", failed_);
   status.add("queue length", queue_->size());
   status.add("density", newest_.density);
+  status.add("matcher's memory, MB",
+             static_cast<double>(newest_.match.working_memory_bytes) * 1e-6);
   status.add("seconds per pair",
              newest_.rectify_s + newest_.match_s + newest_.triangulate_s + newest_.normals_s);
 }

@@ -8,8 +8,8 @@
 #include <string>
 
 #include "scanner/core/parallel.h"
+#include "stereo/matcher.h"
 #include "stereo/refine.h"
-#include "stereo/search.h"
 #include "stereo/validate.h"
 
 namespace scanner::stereo {
@@ -18,8 +18,8 @@ namespace {
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 /// Uniform error of a whole-pixel disparity.
 constexpr double kWholePixelSigma = 0.2886751345948129;
-/// Typical error of the cost parabola: 1/16 px steps and the bias towards whole pixels.
-constexpr double kParabolaSigma = 0.15;
+/// Typical error of the fit of the cost.
+constexpr double kCostFitSigma = 0.15;
 
 void requireImages(const RectifiedPair& pair) {
   const cv::Size size = pair.left_gray.size();
@@ -46,6 +46,11 @@ void requireFit(const MatcherOptions& options, const cv::Size& size) {
   throw ConfigurationError(
       "stereo.matcher.max_disparity_px = " + std::to_string(options.max_disparity_px) +
       " must be below the image's width " + std::to_string(size.width));
+}
+
+std::unique_ptr<Matcher> makeMatcher(const MatcherOptions& options) {
+  return options.method == MatchMethod::kBlock ? makeBlockMatcher(options)
+                                               : makeSemiGlobalMatcher(options);
 }
 
 cv::Mat lowPassed(const cv::Mat& image) {
@@ -83,7 +88,7 @@ std::size_t refine(const RectifiedPair& pair, const MatcherOptions& options, int
   }
   const bool whole = r.subpixel_refinement == SubpixelRefinement::kNone;
   if (whole) roundToPixels(disparity);
-  const double own = whole ? kWholePixelSigma : kParabolaSigma;
+  const double own = whole ? kWholePixelSigma : kCostFitSigma;
   sigma = cv::Mat(disparity.size(), CV_32FC1, cv::Scalar(std::hypot(own, r.floor_px)));
   return 0;
 }
@@ -96,29 +101,31 @@ DisparityImage match(const RectifiedPair& pair, const MatcherOptions& options, i
   requireImages(pair);
   requireFit(options, pair.left_gray.size());
   const ValidationOptions& v = options.validation;
-  const cv::Mat left = options.low_pass ? lowPassed(pair.left_gray) : pair.left_gray;
-  const cv::Mat right = options.low_pass ? lowPassed(pair.right_gray) : pair.right_gray;
+  const bool low_pass = options.method == MatchMethod::kBlock && options.block.low_pass;
+  const cv::Mat left = low_pass ? lowPassed(pair.left_gray) : pair.left_gray;
+  const cv::Mat right = low_pass ? lowPassed(pair.right_gray) : pair.right_gray;
 
   MatchStatistics counts;
   counts.pixels = pair.left_gray.total();
   const auto valid = [](const cv::Mat& d) {
     return static_cast<std::size_t>(cv::countNonZero(d == d));
   };
-  // The two directions are independent of each other.
-  cv::Mat disparity, backward;
-  parallelFor(v.back_and_forth ? 2 : 1, 1, threads, [&](std::size_t begin, std::size_t) {
-    if (begin == 0) disparity = searchLeft(left, right, options);
-    if (begin == 1) backward = searchRight(left, right, options);
-  });
+  const DisparitySearch search{options.min_disparity_px, options.max_disparity_px};
+  const std::unique_ptr<Matcher> matcher = makeMatcher(options);
+  const Candidates found = matcher->match(left, right, search, threads);
+  counts.working_memory_bytes = matcher->workingMemory(left.size(), search, threads);
+  cv::Mat disparity = found.left;
+  counts.untextured = found.untextured;
+  counts.ambiguous = found.ambiguous;
   counts.matched = valid(disparity);
-  const int margin = options.method == MatchMethod::kBlock ? options.block.window_px / 2
-                                                           : options.semi_global.window_px / 2;
   const auto remove_outside = [&] {
-    return removeOutside(options.min_disparity_px, options.max_disparity_px, margin,
-                         pair.left_valid, pair.right_valid, disparity);
+    return removeOutside(search.min_px, search.max_px, 0, pair.left_valid, pair.right_valid,
+                         disparity);
   };
   counts.outside = remove_outside();
-  if (!backward.empty()) {
+  if (v.back_and_forth) {
+    cv::Mat backward;
+    found.right.convertTo(backward, CV_32F);  // kNoDisparity is no near disparity either
     counts.back_and_forth = removeInconsistent(backward, v.back_and_forth_tolerance_px, disparity);
   }
   if (v.surface) {

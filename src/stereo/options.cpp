@@ -14,41 +14,57 @@ void requireOdd(int value, const char* name) {
 }  // namespace
 
 void describe(OptionVisitor& v, BlockMatcherOptions& o) {
+  v.option("low_pass", o.low_pass, "smooth both images (3x3) before matching");
   v.option("window_px", o.window_px, {5, 51}, "px",
            "side of the square window that the absolute differences are summed over; odd");
+  v.option("shift_px", o.shift_px, {0, 25}, "px",
+           "the window may also lie this far to the left or right of its pixel, where that fits "
+           "better: keeps edges of depth in place; 0 is off");
   v.choice<EdgeEnhancement>(
       "edge_enhancement", o.edge_enhancement,
-      {{"band_pass", EdgeEnhancement::kBandPass}, {"sobel", EdgeEnhancement::kSobel}},
+      {{"band_pass", EdgeEnhancement::kBandPass},
+       {"sobel", EdgeEnhancement::kSobel},
+       {"none", EdgeEnhancement::kNone}},
       "filter before matching: band_pass subtracts the mean of the edge mask, sobel takes the "
       "horizontal gradient");
   v.option("edge_mask_px", o.edge_mask_px, {5, 255}, "px",
            "side of the mask of the band-pass filter; odd");
-  v.option("edge_limit", o.edge_limit, {1, 63}, "",
-           "filtered grey values are cut at plus and minus this");
+  v.option(
+      "edge_limit", o.edge_limit, {1, 63}, "",
+      "filtered grey values (quarter grey levels for band_pass) are cut at plus and minus this; "
+      "differences also at 65534 / window_px^2 and 127");
 }
 
 void describe(OptionVisitor& v, SemiGlobalOptions& o) {
-  v.option("window_px", o.window_px, {1, 21}, "px", "side of the cost window; odd");
-  v.choice<SemiGlobalPaths>("paths", o.paths,
-                            {{"three", SemiGlobalPaths::kThree},
-                             {"five", SemiGlobalPaths::kFive},
-                             {"eight", SemiGlobalPaths::kEight}},
-                            "directions that smoothness is summed along; more is slower, and eight "
-                            "needs memory for all costs");
-  v.option("small_step_penalty", o.small_step_penalty, {1, 1000}, "",
-           "cost of a step of 1 px between neighbours, per pixel of the window");
-  v.option("large_step_penalty", o.large_step_penalty, {2, 4000}, "",
-           "cost of a larger step, per pixel of the window; above small_step_penalty");
-  v.option("edge_limit", o.edge_limit, {1, 63}, "", "gradients are cut at plus and minus this");
+  v.option("window_px", o.window_px, {3, 7}, "px",
+           "side of the window of the census transform; odd");
+  v.option("gray_limit", o.gray_limit, {0, 50}, "census bits",
+           "most that half the difference of the grey levels adds to the cost; 0 is off");
+  v.option("gradient_limit", o.gradient_limit, {0, 50}, "census bits",
+           "most that twice the difference of the slopes, in grey levels per pixel, adds to the "
+           "cost; 0 is off");
+  v.choice<SemiGlobalPaths>(
+      "paths", o.paths, {{"five", SemiGlobalPaths::kFive}, {"eight", SemiGlobalPaths::kEight}},
+      "directions that smoothness is summed along: five come from left, right and above; eight "
+      "take twice the time and more memory");
+  v.option("small_step_penalty", o.small_step_penalty, {1, 100}, "census bits",
+           "cost of a step of 1 px between neighbours: slanted surfaces");
+  v.option("large_step_penalty", o.large_step_penalty, {2, 100}, "census bits",
+           "cost of a larger step; above small_step_penalty");
+  v.option("edge_step_penalty", o.edge_step_penalty, {1, 100}, "census bits",
+           "the least that a larger step costs, where the grey changes much");
+  v.option("edge_contrast", o.edge_contrast, {1, 255}, "grey levels",
+           "change of grey between neighbours at which large_step_penalty would have gone to 0");
 }
 
 void describe(OptionVisitor& v, RefinementOptions& o) {
-  v.choice<SubpixelRefinement>("subpixel_refinement", o.subpixel_refinement,
-                               {{"none", SubpixelRefinement::kNone},
-                                {"parabola", SubpixelRefinement::kParabola},
-                                {"gradient", SubpixelRefinement::kGradient}},
-                               "none: whole pixels; parabola: fit of the cost in 1/16 px; "
-                               "gradient: least squares on the image gradient");
+  v.choice<SubpixelRefinement>(
+      "subpixel_refinement", o.subpixel_refinement,
+      {{"none", SubpixelRefinement::kNone},
+       {"cost_fit", SubpixelRefinement::kCostFit},
+       {"gradient", SubpixelRefinement::kGradient}},
+      "none: whole pixels; cost_fit: two lines of equal slope through the costs; "
+      "gradient: least squares on the image gradient");
   v.option("window_px", o.window_px, {3, 51}, "px", "side of the least-squares window; odd");
   v.option(
       "smoothing_px", o.smoothing_px, {1, 31}, "px",
@@ -102,11 +118,24 @@ void describe(OptionVisitor& v, MatcherOptions& o) {
            "least disparity searched: the far end");
   v.option("max_disparity_px", o.max_disparity_px, {1, 2000}, "px",
            "largest disparity searched: the near end; below the image's width");
-  v.option("low_pass", o.low_pass, "smooth both images (3x3) before matching");
   v.group("block", o.block, "method block");
   v.group("semi_global", o.semi_global, "method semi_global");
   v.group("refinement", o.refinement, "fraction of a pixel");
   v.group("validation", o.validation, "tests that drop pixels");
+}
+
+void describe(OptionVisitor& v, RangeOptions& o) {
+  v.choice<RangeMode>("mode", o.mode,
+                      {{"fixed", RangeMode::kFixed}, {"automatic", RangeMode::kAutomatic}},
+                      "fixed: every frame is searched from min_disparity_px to max_disparity_px; "
+                      "automatic: within these, what a quick look at the frame and the last frames "
+                      "show");
+  v.option("margin_px", o.margin_px, {0, 200}, "px",
+           "searched beyond what was seen, on either end");
+  v.option("memory_frames", o.memory_frames, {0, 100}, "",
+           "earlier frames whose disparities stay in the range; 0: every frame for itself");
+  v.option("min_matched_share", o.min_matched_share, {0.0, 1.0}, "",
+           "a quick look that matches less of the picture is not trusted: the whole range");
 }
 
 void describe(OptionVisitor& v, DepthOptions& o) {
@@ -143,6 +172,7 @@ void describe(OptionVisitor& v, ConditioningOptions& o) {
 
 void describe(OptionVisitor& v, StereoOptions& o) {
   v.group("matcher", o.matcher, "disparity");
+  v.group("range", o.range, "which of the matcher's disparities each frame is searched for");
   v.group("depth", o.depth, "bounds on the depth");
   v.group("normals", o.normals, "surface normals");
   v.group("conditioning", o.conditioning, "ground and outliers");

@@ -2,13 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
-#include <opencv2/imgproc.hpp>
 #include <string>
+
+#include "scanner/core/parallel.h"
+#include "stereo/rectify_planes.h"
+#include "stereo/rectify_simd.h"
 
 namespace scanner::stereo {
 namespace {
+
+constexpr std::size_t kRowsPerChunk = 16;
 
 void requireKnownDistortion(const CameraModel& camera, const std::string& side) {
   const std::size_t n = camera.D.size();
@@ -25,58 +31,38 @@ void requireKnownDistortion(const CameraModel& camera, const std::string& side) 
   }
 }
 
-/// Weights of cubic convolution (Keys, a = -1/2) for the samples at -1, 0, 1, 2.
-inline void cubicWeights(float t, float w[4]) {
-  const float t2 = t * t, t3 = t2 * t;
-  w[0] = -0.5f * t3 + t2 - 0.5f * t;
-  w[1] = 1.5f * t3 - 2.5f * t2 + 1.0f;
-  w[2] = -1.5f * t3 + 2.0f * t2 + 0.5f * t;
-  w[3] = 0.5f * t3 - 0.5f * t2;
+/// Weights of cubic convolution (Keys, a = -1/2) for the samples at -1, 0, 1, 2. Rounded to 1/2^14
+/// so that their sum is one: a flat image stays what it is.
+simd::CubicWeights makeCubicWeights() {
+  simd::CubicWeights weights{};
+  constexpr double kOne = 1 << 14;
+  const auto pair = [](int a, int b) {
+    return static_cast<std::int32_t>((static_cast<std::uint32_t>(b) << 16) |
+                                     (static_cast<std::uint32_t>(a) & 0xFFFFU));
+  };
+  for (int i = 0; i < simd::kPhases; ++i) {
+    const double t = static_cast<double>(i) / simd::kPhases, t2 = t * t, t3 = t2 * t;
+    const int before = static_cast<int>(std::lround(kOne * (-0.5 * t3 + t2 - 0.5 * t)));
+    const int right = static_cast<int>(std::lround(kOne * (-1.5 * t3 + 2.0 * t2 + 0.5 * t)));
+    const int after = static_cast<int>(std::lround(kOne * (0.5 * t3 - 0.5 * t2)));
+    weights.first[i] = pair(before, (1 << 14) - before - right - after);
+    weights.second[i] = pair(right, after);
+  }
+  return weights;
 }
 
-float sampleClamped(const cv::Mat& image, int x0, int y0, const float wx[4], const float wy[4]) {
-  float sum = 0.0f;
-  for (int j = 0; j < 4; ++j) {
-    const float* row = image.ptr<float>(std::clamp(y0 - 1 + j, 0, image.rows - 1));
-    float line = 0.0f;
-    for (int i = 0; i < 4; ++i) line += wx[i] * row[std::clamp(x0 - 1 + i, 0, image.cols - 1)];
-    sum += wy[j] * line;
-  }
-  return sum;
+const simd::CubicWeights& cubicWeights() {
+  static const simd::CubicWeights weights = makeCubicWeights();
+  return weights;
 }
 
-float sampleInside(const cv::Mat& image, int x0, int y0, const float wx[4], const float wy[4]) {
-  float sum = 0.0f;
-  for (int j = 0; j < 4; ++j) {
-    const float* p = image.ptr<float>(y0 - 1 + j) + x0 - 1;
-    sum += wy[j] * (wx[0] * p[0] + wx[1] * p[1] + wx[2] * p[2] + wx[3] * p[3]);
-  }
-  return sum;
-}
-
-/// Resamples at float coordinates. Outside the image the edge is repeated, so that no false edge
-/// appears there; the valid mask says which pixels those are.
-cv::Mat resampleGray(const cv::Mat& raw, const cv::Mat& map_x, const cv::Mat& map_y) {
-  cv::Mat out(map_x.size(), CV_8UC1);
-  for (int v = 0; v < out.rows; ++v) {
-    const float* mx = map_x.ptr<float>(v);
-    const float* my = map_y.ptr<float>(v);
-    std::uint8_t* to = out.ptr<std::uint8_t>(v);
-    for (int u = 0; u < out.cols; ++u) {
-      // A strong distortion model can throw far pixels to infinity.
-      const float x = std::clamp(mx[u], -2.0f, static_cast<float>(raw.cols + 1));
-      const float y = std::clamp(my[u], -2.0f, static_cast<float>(raw.rows + 1));
-      const int x0 = static_cast<int>(std::floor(x)), y0 = static_cast<int>(std::floor(y));
-      float wx[4], wy[4];
-      cubicWeights(x - static_cast<float>(x0), wx);
-      cubicWeights(y - static_cast<float>(y0), wy);
-      const bool inside = x0 >= 1 && y0 >= 1 && x0 + 2 < raw.cols && y0 + 2 < raw.rows;
-      const float value =
-          inside ? sampleInside(raw, x0, y0, wx, wy) : sampleClamped(raw, x0, y0, wx, wy);
-      to[u] = static_cast<std::uint8_t>(std::clamp(value + 0.5f, 0.0f, 255.0f));
-    }
-  }
-  return out;
+/// A position in steps of 1/1024 px, at most two pixels outside: beyond, the edge is repeated, and
+/// a strong distortion model can throw far pixels to infinity or to no number at all.
+int fixedPosition(float position, int size) {
+  const double bounded = std::isnan(position)
+                             ? -2.0
+                             : std::clamp(static_cast<double>(position), -2.0, size + 1.0 - 1e-3);
+  return static_cast<int>(std::lround(bounded * simd::kPhases));
 }
 
 cv::Mat validMask(const cv::Mat& map_x, const cv::Mat& map_y) {
@@ -113,52 +99,38 @@ Status checkImage(const Image& image, const CameraModel& camera, const std::stri
 
 }  // namespace
 
-cv::Mat matchingGray(const Image& image) {
-  cv::Mat gray;
-  if (isBayer(image.format)) {
-    const cv::Mat kernel = (cv::Mat_<float>(1, 3) << 0.25f, 0.5f, 0.25f);
-    // Reflection about the edge pixel keeps the colour pattern going.
-    cv::sepFilter2D(image.data, gray, CV_32F, kernel, kernel, cv::Point(-1, -1), 0.0,
-                    cv::BORDER_REFLECT_101);
-    return gray;
-  }
-  if (image.format == PixelFormat::kBgr8) {
-    cv::Mat gray8;
-    cv::cvtColor(image.data, gray8, cv::COLOR_BGR2GRAY);
-    gray8.convertTo(gray, CV_32F);
-    return gray;
-  }
-  image.data.convertTo(gray, CV_32F);
-  return gray;
-}
-
-cv::Mat toBgr(const Image& image) {
-  if (image.format == PixelFormat::kBgr8) return image.data;
-  // OpenCV names a Bayer pattern by the second row's second and third pixel.
-  int code = cv::COLOR_GRAY2BGR;
-  if (image.format == PixelFormat::kBayerRggb8) code = cv::COLOR_BayerBG2BGR_EA;
-  if (image.format == PixelFormat::kBayerBggr8) code = cv::COLOR_BayerRG2BGR_EA;
-  if (image.format == PixelFormat::kBayerGbrg8) code = cv::COLOR_BayerGR2BGR_EA;
-  if (image.format == PixelFormat::kBayerGrbg8) code = cv::COLOR_BayerGB2BGR_EA;
-  cv::Mat bgr;
-  cv::cvtColor(image.data, bgr, code);
-  return bgr;
-}
-
 Rectifier::Eye Rectifier::makeEye(const CameraModel& camera) {
-  cv::Mat K, R, P;
+  cv::Mat K, R, P, x, y;
   cv::eigen2cv(camera.K, K);
   cv::eigen2cv(camera.R, R);
   cv::eigen2cv(Eigen::Matrix3d(camera.P.leftCols<3>()), P);
   const cv::Size size(camera.width, camera.height);
-  Eye eye;
   if (camera.distortion_model == "equidistant") {
-    cv::fisheye::initUndistortRectifyMap(K, camera.D, R, P, size, CV_32FC1, eye.x, eye.y);
+    cv::fisheye::initUndistortRectifyMap(K, camera.D, R, P, size, CV_32FC1, x, y);
   } else {
-    cv::initUndistortRectifyMap(K, camera.D, R, P, size, CV_32FC1, eye.x, eye.y);
+    cv::initUndistortRectifyMap(K, camera.D, R, P, size, CV_32FC1, x, y);
   }
-  cv::convertMaps(eye.x, eye.y, eye.fixed, eye.fixed_part, CV_16SC2);
-  eye.valid = validMask(eye.x, eye.y);
+  Eye eye;
+  eye.valid = validMask(x, y);
+  const std::size_t pixels = eye.valid.total() + simd::kRectifyOverrun;
+  eye.index.assign(pixels, 0);
+  eye.phase.assign(pixels, 0);
+  eye.identity = true;
+  RawPlanes planes;
+  planes.stride = RawPlanes::strideFor(size.width);
+  std::size_t i = 0;
+  for (int v = 0; v < size.height; ++v) {
+    for (int u = 0; u < size.width; ++u, ++i) {
+      const int fx = fixedPosition(x.at<float>(v, u), size.width);
+      const int fy = fixedPosition(y.at<float>(v, u), size.height);
+      // Right shift of a negative number rounds down, as wanted.
+      const int left = fx >> simd::kPhaseBits, above = fy >> simd::kPhaseBits;
+      eye.index[i] = static_cast<std::int32_t>(planes.index(left - 1, above - 1));
+      eye.phase[i] = static_cast<std::uint32_t>(fx & (simd::kPhases - 1)) |
+                     static_cast<std::uint32_t>(fy & (simd::kPhases - 1)) << 16;
+      if (left != u || above != v || eye.phase[i] != 0) eye.identity = false;
+    }
+  }
   return eye;
 }
 
@@ -171,7 +143,53 @@ Rectifier::Rectifier(const StereoCalibration& calibration) : calibration_(calibr
   right_ = makeEye(calibration.right);
 }
 
-Result<RectifiedPair> Rectifier::rectify(const StereoFrame& frame) const {
+cv::Mat Rectifier::rectifyEye(const Eye& eye, const Image& image, int threads, cv::Mat* color) {
+  const cv::Size size = image.data.size();
+  const bool mono = image.format == PixelFormat::kMono8;
+  const bool copy = mono && eye.identity;
+  const RawPlanes planes = copy ? RawPlanes() : makePlanes(image, color != nullptr, threads);
+  cv::Mat gray(size, CV_8UC1);
+  if (color != nullptr) color->create(size, CV_8UC3);
+  const auto width = static_cast<std::size_t>(size.width);
+  parallelFor(
+      static_cast<std::size_t>(size.height), kRowsPerChunk, threads,
+      [&](std::size_t begin, std::size_t end) {
+        // The kernels write beyond the row's end.
+        std::vector<std::uint8_t> line(width + simd::kRectifyOverrun), pixels;
+        if (color != nullptr && !mono) pixels.resize(4 * (width + simd::kRectifyOverrun));
+        std::vector<std::uint8_t> valid(width + simd::kRectifyOverrun);
+        for (std::size_t row = begin; row < end; ++row) {
+          const int v = static_cast<int>(row);
+          std::uint8_t* to = gray.ptr<std::uint8_t>(v);
+          const simd::ResampleRow at{eye.index.data() + row * width, eye.phase.data() + row * width,
+                                     planes.stride};
+          if (copy) {
+            std::memcpy(to, image.data.ptr<std::uint8_t>(v), width);
+          } else {
+            if (eye.identity) {
+              simd::roundGrayRow(&planes.gray[planes.index(0, v)], width, line.data());
+            } else {
+              simd::cubicGrayRow(at, cubicWeights(), planes.gray.data(), width, line.data());
+            }
+            std::memcpy(to, line.data(), width);
+          }
+          if (color == nullptr) continue;
+          std::uint8_t* bgr = color->ptr<std::uint8_t>(v);
+          if (mono) {
+            simd::replicateGrayRow(to, width, bgr);
+          } else if (eye.identity) {
+            simd::packBgrRow(&planes.bgrx[4 * planes.index(0, v)], width, bgr);
+          } else {
+            std::memcpy(valid.data(), eye.valid.ptr<std::uint8_t>(v), width);
+            simd::bilinearColorRow(at, planes.bgrx.data(), valid.data(), width, pixels.data());
+            simd::packBgrRow(pixels.data(), width, bgr);
+          }
+        }
+      });
+  return gray;
+}
+
+Result<RectifiedPair> Rectifier::rectify(const StereoFrame& frame, int threads) const {
   Status status = checkImage(frame.left, calibration_.left, "left");
   if (status) status = checkImage(frame.right, calibration_.right, "right");
   if (!status) return status;
@@ -182,10 +200,8 @@ Result<RectifiedPair> Rectifier::rectify(const StereoFrame& frame) const {
   }
   RectifiedPair pair;
   pair.stamp = frame.stamp;
-  pair.left_gray = resampleGray(matchingGray(frame.left), left_.x, left_.y);
-  pair.right_gray = resampleGray(matchingGray(frame.right), right_.x, right_.y);
-  cv::remap(toBgr(frame.left), pair.left_color, left_.fixed, left_.fixed_part, cv::INTER_LINEAR,
-            cv::BORDER_CONSTANT);
+  pair.left_gray = rectifyEye(left_, frame.left, threads, &pair.left_color);
+  pair.right_gray = rectifyEye(right_, frame.right, threads, nullptr);
   pair.left_valid = left_.valid;
   pair.right_valid = right_.valid;
   return pair;

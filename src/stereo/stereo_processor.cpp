@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "scanner/core/se3.h"
@@ -10,6 +11,16 @@
 
 namespace scanner::stereo {
 namespace {
+
+/// Pairs of which less matches are looked at for trouble.
+constexpr double kSuspiciousShare = 0.25;
+
+/// No disparity anywhere.
+DisparityImage nothingOf(const RectifiedPair& pair) {
+  const cv::Mat nan(pair.left_gray.size(), CV_32FC1,
+                    cv::Scalar(std::numeric_limits<float>::quiet_NaN()));
+  return {pair.stamp, nan, nan.clone(), 0.0, 0.0};
+}
 
 /// Seconds since the last call.
 class Stopwatch {
@@ -60,22 +71,55 @@ StereoProcessor::StereoProcessor(const StereoCalibration& calibration, const Ste
   }
 }
 
-Result<StereoProcessor::Output> StereoProcessor::process(const StereoFrame& frame) const {
+RangeTracker StereoProcessor::makeRangeTracker() const {
+  const MatcherOptions& m = options_.matcher;
+  return RangeTracker(options_.range, {m.min_disparity_px, m.max_disparity_px},
+                      m.validation.surface_size_px);
+}
+
+Result<StereoProcessor::Output> StereoProcessor::process(const StereoFrame& frame,
+                                                         RangeTracker* tracker) const {
   Stopwatch watch;
-  Result<RectifiedPair> rectified = rectifier_.rectify(frame);
+  Result<RectifiedPair> rectified = rectifier_.rectify(frame, threads_);
   if (!rectified) return rectified.status();
   Output out;
   StereoStatistics& s = out.statistics;
   out.rectified = std::move(rectified).value();
   s.rectify_s = watch.lap();
-  out.disparity = match(out.rectified, options_.matcher, threads_, &s.match);
+  out.trouble = inspectRaw(frame);
+  if (!out.trouble) out.trouble = inspectBrightness(out.rectified);
+  if (out.trouble.hopeless) {
+    out.disparity = nothingOf(out.rectified);
+  } else {
+    out.disparity = search(out.rectified, tracker, s.match);
+    const auto pixels = static_cast<double>(s.match.pixels);
+    if (static_cast<double>(s.match.valid) < kSuspiciousShare * pixels) {
+      const Trouble found = inspectPair(out.rectified, threads_);
+      if (found) out.trouble = found;
+      if (found.hopeless) out.disparity = nothingOf(out.rectified);
+    }
+  }
   s.match_s = watch.lap();
-  out.cloud = triangulate(out.disparity, out.rectified.left_color, calibration(), options_.depth);
+  out.cloud = triangulate(out.disparity, out.rectified.left_color, calibration(), options_.depth,
+                          threads_);
   s.triangulate_s = watch.lap();
   estimateNormals(out.cloud, options_.normals, threads_);
   s.normals_s = watch.lap();
   summarize(out.cloud, out.disparity, s);
   return out;
+}
+
+DisparityImage StereoProcessor::search(const RectifiedPair& pair, RangeTracker* tracker,
+                                       MatchStatistics& statistics) const {
+  MatcherOptions options = options_.matcher;
+  if (tracker != nullptr) {
+    const SearchRange range = tracker->choose(pair, threads_);
+    options.min_disparity_px = range.min_px;
+    options.max_disparity_px = range.max_px;
+  }
+  DisparityImage found = match(pair, options, threads_, &statistics);
+  if (tracker != nullptr) tracker->update(found.disparity_px);
+  return found;
 }
 
 Result<View> makeView(int index, const OrganizedCloud& cloud,

@@ -1,13 +1,17 @@
 #include "scanner/stereo/triangulate.h"
 
-#include <cmath>
-#include <limits>
 #include <stdexcept>
+#include <vector>
+
+#include "scanner/core/parallel.h"
+#include "stereo/triangulate_simd.h"
 
 namespace scanner::stereo {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr std::size_t kRowsPerChunk = 32;
+static_assert(sizeof(Eigen::Vector3f) == 3 * sizeof(float) && sizeof(Rgb8) == 3,
+              "the kernels write packed points and colours");
 
 void requireImages(const DisparityImage& d, const cv::Mat& color) {
   const cv::Size size = d.disparity_px.size();
@@ -23,14 +27,14 @@ void requireImages(const DisparityImage& d, const cv::Mat& color) {
 }  // namespace
 
 OrganizedCloud triangulate(const DisparityImage& disparity, const cv::Mat& left_color,
-                           const StereoCalibration& calibration, const DepthOptions& options) {
+                           const StereoCalibration& calibration, const DepthOptions& options,
+                           int threads) {
   requireImages(disparity, left_color);
   const Status status = scanner::validate(calibration);
   if (!status) throw ConfigurationError(status.message());
   validate(options);
   const double f = calibration.focalLength(), fy = calibration.left.P(1, 1);
   const double cx = calibration.left.P(0, 2), cy = calibration.left.P(1, 2);
-  const double fb = f * calibration.baseline(), offset = calibration.disparityOffset();
 
   OrganizedCloud out;
   out.stamp = disparity.stamp;
@@ -38,25 +42,33 @@ OrganizedCloud triangulate(const DisparityImage& disparity, const cv::Mat& left_
   out.height = disparity.disparity_px.rows;
   const std::size_t n = disparity.disparity_px.total();
   PointCloud& cloud = out.cloud;
-  cloud.points.assign(n, Eigen::Vector3f::Constant(kNan));
-  cloud.sigmas.assign(n, kNan);
+  cloud.points.resize(n);
+  cloud.sigmas.resize(n);
   if (!left_color.empty()) cloud.colors.resize(n);
-  std::size_t i = 0;
-  for (int v = 0; v < out.height; ++v) {
-    const float* d_row = disparity.disparity_px.ptr<float>(v);
-    const float* sigma_row = disparity.sigma_px.ptr<float>(v);
-    const cv::Vec3b* color_row = left_color.empty() ? nullptr : left_color.ptr<cv::Vec3b>(v);
-    for (int u = 0; u < out.width; ++u, ++i) {
-      if (color_row != nullptr)
-        cloud.colors[i] = {color_row[u][2], color_row[u][1], color_row[u][0]};
-      const double d = static_cast<double>(d_row[u]) - offset;
-      if (!(d > 0.0)) continue;  // NaN too
-      const double z = fb / d;
-      if (z < options.min_depth_m || z > options.max_depth_m) continue;
-      cloud.points[i] = Eigen::Vector3d((u - cx) * z / f, (v - cy) * z / fy, z).cast<float>();
-      cloud.sigmas[i] = static_cast<float>(z * z * static_cast<double>(sigma_row[u]) / fb);
+  const auto width = static_cast<std::size_t>(out.width);
+  std::vector<double> column(width);
+  for (std::size_t u = 0; u < width; ++u) column[u] = (static_cast<double>(u) - cx) / f;
+
+  const auto height = static_cast<std::size_t>(out.height);
+  parallelFor(height, kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    simd::TriangulateRow row;
+    row.column = column.data();
+    row.offset_px = calibration.disparityOffset();
+    row.focal_baseline = f * calibration.baseline();
+    row.min_depth_m = options.min_depth_m;
+    row.max_depth_m = options.max_depth_m;
+    for (std::size_t v = begin; v < end; ++v) {
+      const int y = static_cast<int>(v);
+      row.disparity_px = disparity.disparity_px.ptr<float>(y);
+      row.sigma_px = disparity.sigma_px.ptr<float>(y);
+      row.row = (static_cast<double>(v) - cy) / fy;
+      row.points = cloud.points[v * width].data();
+      row.sigmas = &cloud.sigmas[v * width];
+      simd::triangulateRow(row, width);
+      if (left_color.empty()) continue;
+      simd::swapRedAndBlue(left_color.ptr<std::uint8_t>(y), width, &cloud.colors[v * width].r);
     }
-  }
+  });
   return out;
 }
 

@@ -80,18 +80,25 @@ INSTANTIATE_TEST_SUITE_P(AllFractions, FractionalShift,
                                                               MatchMethod::kSemiGlobal),
                                             ::testing::Values(0.0, 0.125, 0.3, 0.5, 0.77)));
 
-TEST(Match, RefinementBeatsTheParabolaAndThatBeatsWholePixels) {
+/// RMS error on a plane, by the way the fraction of a pixel is found.
+double rmsWith(SubpixelRefinement refinement, const DisparityPlane& plane) {
+  MatcherOptions o = optionsFor(5, 70);
+  o.refinement.subpixel_refinement = refinement;
+  return compare(match(makePair(240, 160, plane, {1.0}), o, 2), plane).rms;
+}
+
+TEST(Match, TheCostsFitBeatsWholePixels) {
   const DisparityPlane plane{24.0, 0.04, -0.03};
-  const RectifiedPair pair = makePair(240, 160, plane, {1.0});
-  MatcherOptions o = optionsFor(10, 50);
-  const Errors gradient = compare(match(pair, o, 2), plane);
-  o.refinement.subpixel_refinement = SubpixelRefinement::kParabola;
-  const Errors parabola = compare(match(pair, o, 2), plane);
-  o.refinement.subpixel_refinement = SubpixelRefinement::kNone;
-  const Errors whole = compare(match(pair, o, 2), plane);
-  EXPECT_LT(gradient.rms, 0.5 * parabola.rms);
-  EXPECT_LT(parabola.rms, 0.7 * whole.rms);
-  EXPECT_NEAR(whole.rms, 1.0 / std::sqrt(12.0), 0.05);
+  const double whole = rmsWith(SubpixelRefinement::kNone, plane);
+  EXPECT_LT(rmsWith(SubpixelRefinement::kCostFit, plane), 0.3 * whole);
+  EXPECT_LT(rmsWith(SubpixelRefinement::kGradient, plane), 0.3 * whole);
+  EXPECT_NEAR(whole, 1.0 / std::sqrt(12.0), 0.05);
+}
+
+TEST(Match, RefinementBeatsTheCostsFitOnSteepSurfaces) {
+  const DisparityPlane plane{24.0, 0.12, -0.08};
+  EXPECT_LT(rmsWith(SubpixelRefinement::kGradient, plane),
+            0.5 * rmsWith(SubpixelRefinement::kCostFit, plane));
 }
 
 TEST(Match, SlantedPlaneIsNotBiased) {

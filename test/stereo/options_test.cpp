@@ -24,7 +24,7 @@ TEST(StereoOptions, PublishedDefaults) {
 TEST(StereoOptions, RoundTripThroughTheTree) {
   StereoOptions o;
   o.matcher.method = MatchMethod::kSemiGlobal;
-  o.matcher.refinement.subpixel_refinement = SubpixelRefinement::kParabola;
+  o.matcher.refinement.subpixel_refinement = SubpixelRefinement::kCostFit;
   o.conditioning.remove_ground = false;
   const ParameterTree tree = dumpOptions(o);
   EXPECT_EQ(tree["matcher"]["method"], "semi_global");

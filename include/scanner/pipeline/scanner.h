@@ -78,6 +78,7 @@ class Scanner {
   ScanFolder* folder_;
   Eigen::Isometry3d T_base_optical_;  ///< rectified left optical frame
   stereo::StereoProcessor stereo_;
+  stereo::RangeTracker range_;
   inertial::InertialOdometry inertial_;
   registration::Registrar registrar_;
   std::deque<PendingFrame> pending_;

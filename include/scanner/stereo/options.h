@@ -7,31 +7,38 @@
 namespace scanner::stereo {
 
 enum class MatchMethod { kBlock, kSemiGlobal };
-enum class EdgeEnhancement { kBandPass, kSobel };
-enum class SemiGlobalPaths { kThree, kFive, kEight };
+enum class EdgeEnhancement { kBandPass, kSobel, kNone };
+enum class SemiGlobalPaths { kFive, kEight };
 
 /// Where the fraction of a pixel comes from.
 enum class SubpixelRefinement {
   kNone,      ///< whole pixels
-  kParabola,  ///< fit of the matching cost, 1/16 px steps, biased towards whole pixels
+  kCostFit,   ///< two lines of equal slope through the costs, which are not drawn to whole pixels
   kGradient,  ///< least squares on the image gradient, continuous (refine.h has the derivation)
 };
 
 /// Sum of absolute differences over a square window, winner takes all (thesis table 2.1, 3.1).
 struct BlockMatcherOptions {
+  bool low_pass = true;
   int window_px = 13;
+  int shift_px = 3;
   EdgeEnhancement edge_enhancement = EdgeEnhancement::kBandPass;
   int edge_mask_px = 9;
   int edge_limit = 31;
 };
 
-/// Semi-global matching: the block cost plus smoothness along image paths.
+/// Semi-global matching: a cost per pixel and disparity, plus smoothness along image paths. The
+/// cost is the number of bits in which the census transforms of the two windows differ, plus cut
+/// differences of grey and gradient, all on one scale: one bit of the census. So are the penalties.
 struct SemiGlobalOptions {
   int window_px = 5;
-  SemiGlobalPaths paths = SemiGlobalPaths::kThree;
-  int small_step_penalty = 8;
-  int large_step_penalty = 32;
-  int edge_limit = 31;
+  int gray_limit = 6;
+  int gradient_limit = 6;
+  SemiGlobalPaths paths = SemiGlobalPaths::kFive;
+  int small_step_penalty = 12;
+  int large_step_penalty = 40;
+  int edge_step_penalty = 14;
+  int edge_contrast = 32;
 };
 
 struct RefinementOptions {
@@ -68,11 +75,20 @@ struct MatcherOptions {
   MatchMethod method = MatchMethod::kBlock;
   int min_disparity_px = 100;
   int max_disparity_px = 330;
-  bool low_pass = true;
   BlockMatcherOptions block;
   SemiGlobalOptions semi_global;
   RefinementOptions refinement;
   ValidationOptions validation;
+};
+
+enum class RangeMode { kFixed, kAutomatic };
+
+/// Which disparities a frame is searched for (range_tracker.h).
+struct RangeOptions {
+  RangeMode mode = RangeMode::kFixed;
+  int margin_px = 8;
+  int memory_frames = 2;
+  double min_matched_share = 0.02;
 };
 
 /// Bounds on the depth, besides those that the disparity range sets.
@@ -106,6 +122,7 @@ struct ConditioningOptions {
 
 struct StereoOptions {
   MatcherOptions matcher;
+  RangeOptions range;
   DepthOptions depth;
   NormalOptions normals;
   ConditioningOptions conditioning;
@@ -116,6 +133,7 @@ void describe(OptionVisitor& v, SemiGlobalOptions& o);
 void describe(OptionVisitor& v, RefinementOptions& o);
 void describe(OptionVisitor& v, ValidationOptions& o);
 void describe(OptionVisitor& v, MatcherOptions& o);
+void describe(OptionVisitor& v, RangeOptions& o);
 void describe(OptionVisitor& v, DepthOptions& o);
 void describe(OptionVisitor& v, NormalOptions& o);
 void describe(OptionVisitor& v, ConditioningOptions& o);

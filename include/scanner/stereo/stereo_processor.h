@@ -11,7 +11,9 @@
 #include "scanner/stereo/condition.h"
 #include "scanner/stereo/match.h"
 #include "scanner/stereo/options.h"
+#include "scanner/stereo/range_tracker.h"
 #include "scanner/stereo/rectify.h"
+#include "scanner/stereo/trouble.h"
 
 namespace scanner::stereo {
 
@@ -34,20 +36,30 @@ class StereoProcessor {
     DisparityImage disparity;
     OrganizedCloud cloud;  ///< rectified left optical frame
     StereoStatistics statistics;
+    /// What is wrong with the pictures. Looked for in what brightness shows of every frame, and
+    /// thoroughly where few pixels match. A hopeless pair has no disparity at all.
+    Trouble trouble;
   };
 
   /// Throws ConfigurationError for a calibration or options that cannot be worked with (among them
   /// a disparity range wider than the image). threads >= 1.
   StereoProcessor(const StereoCalibration& calibration, const StereoOptions& options, int threads);
 
-  /// Fails as Rectifier::rectify does. A pair without any match is ok: a cloud of NaN, density 0;
-  /// describeTrouble() then says what is wrong with the pictures.
-  Result<Output> process(const StereoFrame& frame) const;
+  /// Fails as Rectifier::rectify does. A pair without any match is ok: a cloud of NaN, density 0,
+  /// and `trouble` says why. `tracker`, of the sequence that the frame belongs to, chooses the
+  /// disparities that are searched; without one all that are configured are.
+  Result<Output> process(const StereoFrame& frame, RangeTracker* tracker = nullptr) const;
+
+  /// For one sequence of frames.
+  RangeTracker makeRangeTracker() const;
 
   const StereoCalibration& calibration() const { return rectifier_.calibration(); }
   const StereoOptions& options() const { return options_; }
 
  private:
+  DisparityImage search(const RectifiedPair& pair, RangeTracker* tracker,
+                        MatchStatistics& statistics) const;
+
   Rectifier rectifier_;
   StereoOptions options_;
   int threads_;

@@ -6,6 +6,7 @@
 #include "scanner/core/status.h"
 #include "scanner/stereo/options.h"
 #include "scanner/stereo/rectify.h"
+#include "scanner/stereo/trouble.h"
 
 /// Does a configuration suit a rig and a recording?
 namespace scanner::stereo {
@@ -35,10 +36,6 @@ DisparityRange disparityRange(const StereoCalibration& calibration, const DepthR
 /// to half the width at reduced size, good to a few pixels. kNotEnoughData when less than 3 %
 /// of the image can be matched.
 Result<DisparityRange> measureDisparities(const RectifiedPair& pair, int threads);
-
-/// What makes a pair hopeless, as one line, or "" : black, saturated, one eye covered or much
-/// darker, no texture, eyes swapped.
-std::string describeTrouble(const RectifiedPair& pair, int threads);
 
 /// One line when `options` do not suit what the pair shows ("the recording shows disparities ...,
 /// the configuration searches ..."), or "".

@@ -17,7 +17,9 @@ namespace scanner::stereo {
 /// pixel; points and sigmas are NaN where the disparity is NaN, d <= 0, or Z is outside the depth
 /// bounds. Colours are the pixels of `left_color` (CV_8UC3 BGR, or empty for no colours). Throws
 /// std::invalid_argument when sizes or types disagree, ConfigurationError for a bad calibration.
+/// Same bytes for any `threads` (>= 1).
 OrganizedCloud triangulate(const DisparityImage& disparity, const cv::Mat& left_color,
-                           const StereoCalibration& calibration, const DepthOptions& options);
+                           const StereoCalibration& calibration, const DepthOptions& options,
+                           int threads = 1);
 
 }  // namespace scanner::stereo

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+
+namespace scanner::stereo {
+
+/// Gives every pixel a disparity, for comparison with dense methods and for pictures. Filled
+/// disparities are guesses: nothing that is measured or built uses them.
+///
+/// `disparity`: CV_32FC1, px, NaN where unknown. `guide`: left picture of the same size, CV_8UC3 or
+/// CV_8UC1. Holes take the further one of the surfaces on both sides in their row, as what one eye
+/// alone sees lies behind (Hirschmueller 2008, section 2.6); rows without any disparity take the
+/// row above or below. Then filled pixels and those near steps of depth become the median of their
+/// surroundings, weighted by likeness of colour, which moves steps to the edges of the picture (Ma
+/// et al. 2013, "Constant time weighted median filtering for stereo matching and beyond").
+///
+/// Without any disparity at all the result is NaN everywhere. Same bytes for any `threads` >= 1.
+/// Throws std::invalid_argument for sizes or types that do not suit. 10 to 20 microseconds for
+/// each filled pixel and each near a step.
+cv::Mat fill(const cv::Mat& disparity, const cv::Mat& guide, int threads);
+
+}  // namespace scanner::stereo

@@ -1,0 +1,99 @@
+#include "scanner/stereo/fill.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <stdexcept>
+
+namespace scanner::stereo {
+namespace {
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+cv::Mat flatGuide(cv::Size size) { return cv::Mat(size, CV_8UC1, cv::Scalar(90)); }
+
+/// Background at 10 px, foreground at 30 px from column 40 on.
+cv::Mat step(cv::Size size) {
+  cv::Mat disparity(size, CV_32FC1, cv::Scalar(10.0));
+  disparity.colRange(40, size.width).setTo(30.0);
+  return disparity;
+}
+
+int differing(const cv::Mat& a, const cv::Mat& b) { return cv::countNonZero(~(a == b)); }
+
+TEST(Fill, HolesOfAFlatSurfaceTakeItsDisparity) {
+  cv::Mat disparity(40, 60, CV_32FC1, cv::Scalar(12.5));
+  const cv::Mat whole = disparity.clone();
+  disparity(cv::Rect(20, 10, 15, 12)).setTo(kNan);
+  disparity(cv::Rect(0, 0, 9, 40)).setTo(kNan);
+  EXPECT_EQ(differing(fill(disparity, flatGuide(disparity.size()), 1), whole), 0);
+}
+
+TEST(Fill, WhatOneEyeAloneSeesLiesBehind) {
+  const cv::Mat truth = step({80, 40});
+  cv::Mat disparity = truth.clone();
+  disparity.colRange(20, 40).setTo(kNan);  // as wide as the step
+  cv::Mat guide = flatGuide(truth.size());
+  guide.colRange(40, 80).setTo(200);
+  EXPECT_EQ(differing(fill(disparity, guide, 1), truth), 0);
+}
+
+TEST(Fill, AStepMovesToTheEdgeOfThePicture) {
+  const cv::Mat truth = step({80, 40});
+  cv::Mat disparity = truth.clone();
+  disparity.colRange(36, 40).setTo(30.0);  // fattened by 4 px
+  cv::Mat guide(truth.size(), CV_8UC3, cv::Scalar(40, 90, 60));
+  guide.colRange(40, 80).setTo(cv::Scalar(200, 80, 30));
+  EXPECT_GT(differing(disparity, truth), 100);
+  EXPECT_EQ(differing(fill(disparity, guide, 1), truth), 0);
+}
+
+TEST(Fill, AnEmptyRowTakesTheNearestThatIsNot) {
+  cv::Mat disparity(30, 20, CV_32FC1, cv::Scalar(kNan));
+  disparity.row(10).setTo(7.0);
+  const cv::Mat filled = fill(disparity, flatGuide(disparity.size()), 1);
+  EXPECT_EQ(cv::countNonZero(filled == 7.0), 600);
+}
+
+TEST(Fill, OnePixelFillsThePicture) {
+  cv::Mat disparity(12, 17, CV_32FC1, cv::Scalar(kNan));
+  disparity.at<float>(5, 3) = 4.0F;
+  EXPECT_EQ(cv::countNonZero(fill(disparity, flatGuide(disparity.size()), 1) == 4.0), 12 * 17);
+}
+
+TEST(Fill, NothingStaysNothing) {
+  const cv::Mat disparity(12, 17, CV_32FC1, cv::Scalar(kNan));
+  const cv::Mat filled = fill(disparity, flatGuide(disparity.size()), 1);
+  EXPECT_EQ(cv::countNonZero(filled == filled), 0);
+}
+
+TEST(Fill, PixelsFarFromHolesAndStepsStay) {
+  cv::Mat disparity(60, 90, CV_32FC1);
+  for (int y = 0; y < disparity.rows; ++y) {
+    for (int x = 0; x < disparity.cols; ++x) {
+      disparity.at<float>(y, x) = 20.0F + 0.03F * static_cast<float>(x);
+    }
+  }
+  EXPECT_EQ(differing(fill(disparity, flatGuide(disparity.size()), 1), disparity), 0);
+}
+
+TEST(Fill, SameBytesForEveryThreadCount) {
+  cv::Mat disparity(70, 90, CV_32FC1), guide(70, 90, CV_8UC3);
+  cv::RNG random(7);
+  random.fill(disparity, cv::RNG::UNIFORM, 5.0, 40.0);
+  random.fill(guide, cv::RNG::UNIFORM, 0, 255);
+  disparity.setTo(kNan, disparity < 15.0);
+  EXPECT_EQ(differing(fill(disparity, guide, 1), fill(disparity, guide, 3)), 0);
+}
+
+TEST(Fill, RefusesPicturesThatDoNotSuit) {
+  const cv::Mat disparity(10, 10, CV_32FC1, cv::Scalar(1.0));
+  EXPECT_THROW(fill(disparity, cv::Mat(9, 10, CV_8UC1), 1), std::invalid_argument);
+  EXPECT_THROW(fill(cv::Mat(10, 10, CV_8UC1), flatGuide({10, 10}), 1), std::invalid_argument);
+  EXPECT_THROW(fill(disparity, cv::Mat(10, 10, CV_32FC1), 1), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace scanner::stereo
