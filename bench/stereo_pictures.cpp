@@ -61,7 +61,7 @@ cv::Mat disparityPicture(const DisparityImage& image) {
   const double low = image.min_disparity_px, high = image.max_disparity_px;
   image.disparity_px.convertTo(scaled, CV_8U, 255.0 / (high - low), -255.0 * low / (high - low));
   cv::applyColorMap(scaled, colored, cv::COLORMAP_TURBO);
-  colored.setTo(cv::Scalar::all(0), image.disparity_px != image.disparity_px);
+  colored.setTo(cv::Scalar::all(0), ~(image.disparity_px == image.disparity_px));
   return colored;
 }
 

@@ -1,6 +1,7 @@
 #include "stereo/block_matcher_simd.h"
 
 #include <algorithm>
+#include <cstddef>
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "stereo/block_matcher_simd.cpp"
@@ -130,7 +131,7 @@ HWY_INLINE void slideWindow(const BlockLayout& layout, const BlockRow& row, int 
 HWY_INLINE void testUniqueness(const BlockRow& row, const std::uint16_t* cost, int cells, int x) {
   const D16 d;
   const std::size_t lanes = hn::Lanes(d);
-  const std::uint16_t* around = row.around + 3 * x;
+  const std::uint16_t* around = row.around + std::ptrdiff_t{3} * x;
   const std::uint32_t best = around[1];
   const std::uint64_t slack = (static_cast<std::uint64_t>(best) * toSize(row.uniqueness)) >> 16;
   const auto least = static_cast<std::uint16_t>(
@@ -186,7 +187,7 @@ HWY_INLINE void matchPixel(const BlockLayout& layout, const BlockRow& row, int x
   const std::uint16_t least = leastLane(d, best);
   const std::size_t found =
       leastLane(d, hn::IfThenElse(hn::Eq(best, hn::Set(d, least)), where, none));
-  std::uint16_t* around = row.around + 3 * x;
+  std::uint16_t* around = row.around + std::ptrdiff_t{3} * x;
   around[0] = found > 0 ? cost[found - 1] : kNoBlockCost;
   around[1] = least;
   around[2] = cost[found + 1];  // past the last cell: kNoBlockCost

@@ -23,7 +23,7 @@ void censusRow(const CensusRow& row) {
     for (int y = 0; y <= 2 * row.radius_y; ++y) {
       for (int dx = -row.radius_x; dx <= row.radius_x; ++dx) {
         if (dx == 0 && y == row.radius_y) continue;
-        const auto neighbour = hn::LoadU(d, row.rows[y] + x + sign * dx);
+        const auto neighbour = hn::LoadU(d, row.rows[y] + (x + sign * dx));
         const auto bit = hn::Set(d, static_cast<std::uint8_t>(1 << filled));
         bits = hn::Or(bits, hn::IfThenElseZero(hn::Lt(neighbour, centre), bit));
         if (++filled < 8) continue;

@@ -88,14 +88,13 @@ class WeightedMedian {
   /// `samples` is scratch.
   float at(int x, int y, std::vector<std::pair<float, float>>& samples) const {
     const int channels = guide_.channels();
-    const std::uint8_t* centre = guide_.ptr<std::uint8_t>(y) + x * channels;
+    const std::uint8_t* centre = guide_.ptr<std::uint8_t>(y, x);
     samples.clear();
     float total = 0.0F;
     for (int v = std::max(0, y - kRadius); v <= std::min(disparity_.rows - 1, y + kRadius); ++v) {
       const float* d = disparity_.ptr<float>(v);
-      const std::uint8_t* colors = guide_.ptr<std::uint8_t>(v);
       for (int u = std::max(0, x - kRadius); u <= std::min(disparity_.cols - 1, x + kRadius); ++u) {
-        const int distance = colorDistance(centre, colors + u * channels, channels);
+        const int distance = colorDistance(centre, guide_.ptr<std::uint8_t>(v, u), channels);
         const float weight = table_[static_cast<std::size_t>(distance)];
         if (weight < kLeastWeight) continue;
         samples.emplace_back(d[u], weight);
@@ -154,6 +153,7 @@ cv::Mat fill(const cv::Mat& disparity, const cv::Mat& guide, int threads) {
   const cv::Mat holes = ~(disparity == disparity);  // OpenCV: NaN != NaN is not always true
   cv::Mat filled = disparity.clone();
   std::vector<bool> known;
+  known.reserve(static_cast<std::size_t>(filled.rows));
   for (int y = 0; y < filled.rows; ++y) known.push_back(fillRow(filled.ptr<float>(y), filled.cols));
   if (std::none_of(known.begin(), known.end(), [](bool k) { return k; })) return filled;
   fillEmptyRows(known, filled);

@@ -139,7 +139,7 @@ DisparityImage match(const RectifiedPair& pair, const MatcherOptions& options, i
   if (v.surface) {
     counts.surface += removeSmallSurfaces(v.surface_step_px, v.surface_size_px, disparity);
   }
-  sigma.setTo(kNan, disparity != disparity);
+  sigma.setTo(kNan, ~(disparity == disparity));  // OpenCV: NaN != NaN is not always true
   counts.valid = valid(disparity);
   if (statistics != nullptr) *statistics = counts;
   return {pair.stamp, disparity, sigma, static_cast<double>(options.min_disparity_px),

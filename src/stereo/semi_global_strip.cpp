@@ -102,10 +102,11 @@ cv::Mat SemiGlobalImages::withBorder(const cv::Mat& image, int width_beyond) con
 
 std::size_t SemiGlobalImages::bytes(cv::Size image, const simd::CellLayout& layout,
                                     int census_radius) {
-  const std::size_t rows = asSize(image.height + 2 * census_radius);
-  const std::size_t columns = asSize(image.width + 2 * census_radius);
+  const std::size_t border = 2 * asSize(census_radius);
+  const std::size_t rows = asSize(image.height) + border;
+  const std::size_t columns = asSize(image.width) + border;
   const std::size_t beyond = mirroredLength(layout) - asSize(image.width);
-  const std::size_t kept = rows * (6 * columns + 2 * simd::kRowSlack + 2 * beyond);
+  const std::size_t kept = rows * (6 * columns + 2 * asSize(simd::kRowSlack) + 2 * beyond);
   return kept + 4 * asSize(image.area());  // and what is on the way to them: 16 bit, 8 bit, mirror
 }
 
@@ -165,7 +166,7 @@ std::size_t SemiGlobalStrip::bytes(const simd::CellLayout& l, const SemiGlobalOp
   const std::size_t width = asSize(l.width);
   return sizeof(SemiGlobalStrip) + rowCells(l) * (1 + 2 * sumRows(o, rows)) + cellBytes(l) +
          planes * (leftLength(l) + mirroredLength(l)) + 5 * mirroredLength(l) + asSize(l.padded) +
-         11 * width + 1 + 3 * 2 * HWY_ALIGNMENT;
+         11 * width + 1 + std::size_t{6} * HWY_ALIGNMENT;
 }
 
 /// A step of more than one disparity is cheaper where the grey changes as well, which is where the

@@ -100,8 +100,8 @@ Result<StereoProcessor::Output> StereoProcessor::process(const StereoFrame& fram
     }
   }
   s.match_s = watch.lap();
-  out.cloud = triangulate(out.disparity, out.rectified.left_color, calibration(), options_.depth,
-                          threads_);
+  out.cloud =
+      triangulate(out.disparity, out.rectified.left_color, calibration(), options_.depth, threads_);
   s.triangulate_s = watch.lap();
   estimateNormals(out.cloud, options_.normals, threads_);
   s.normals_s = watch.lap();
