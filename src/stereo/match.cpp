@@ -120,24 +120,26 @@ DisparityImage match(const RectifiedPair& pair, const MatcherOptions& options, i
   counts.matched = valid(disparity);
   const auto remove_outside = [&] {
     return removeOutside(search.min_px, search.max_px, 0, pair.left_valid, pair.right_valid,
-                         disparity);
+                         disparity, threads);
   };
   counts.outside = remove_outside();
   if (v.back_and_forth) {
-    cv::Mat backward;
-    found.right.convertTo(backward, CV_32F);  // kNoDisparity is no near disparity either
-    counts.back_and_forth = removeInconsistent(backward, v.back_and_forth_tolerance_px, disparity);
+    counts.back_and_forth =
+        removeInconsistent(found.right, v.back_and_forth_tolerance_px, disparity, threads);
   }
   if (v.surface) {
-    counts.surface = removeSmallSurfaces(v.surface_step_px, v.surface_size_px, disparity);
+    counts.surface = removeSmallSurfaces(v.surface_step_px, v.surface_size_px, disparity, threads);
   }
   cv::Mat sigma;
   counts.refinement = refine(pair, options, threads, disparity, sigma);
   counts.outside += remove_outside();
-  if (v.precision) counts.precision = removeImprecise(sigma, v.max_sigma_px, disparity);
+  // Only the gradient gives every pixel a sigma of its own.
+  if (v.precision && options.refinement.subpixel_refinement == SubpixelRefinement::kGradient) {
+    counts.precision = removeImprecise(sigma, v.max_sigma_px, disparity, threads);
+  }
   // Again, because the tests since may have cut a surface into pieces.
   if (v.surface) {
-    counts.surface += removeSmallSurfaces(v.surface_step_px, v.surface_size_px, disparity);
+    counts.surface += removeSmallSurfaces(v.surface_step_px, v.surface_size_px, disparity, threads);
   }
   sigma.setTo(kNan, ~(disparity == disparity));  // OpenCV: NaN != NaN is not always true
   counts.valid = valid(disparity);

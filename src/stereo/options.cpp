@@ -78,8 +78,13 @@ void describe(OptionVisitor& v, RefinementOptions& o) {
            "Gaussian on the images before the least squares, against aliasing; 0 is off");
   v.option("image_noise", o.image_noise, {0.0, 50.0}, "grey levels",
            "least noise of the difference of the filtered images, for sigma");
-  v.option("noise_correlation", o.noise_correlation, {1.0, 100.0}, "",
-           "pixels of the window that share one noise value, for sigma");
+  v.option("noise_gain", o.noise_gain, {0.0, 100.0}, "",
+           "for sigma: part of a window's noise that is left after smoothing");
+  v.option("step_gain", o.step_gain, {0.0, 100.0}, "",
+           "for sigma: part of the mean square over the window of what the last step moved");
+  v.option(
+      "roughness_gain", o.roughness_gain, {0.0, 100.0}, "",
+      "for sigma: part of the mean square over the window of what the last smoothing took off");
   v.option("floor_px", o.floor_px, {0.0, 1.0}, "px",
            "error that more texture does not lessen: alignment of the two images");
 }
@@ -100,7 +105,9 @@ void describe(OptionVisitor& v, ValidationOptions& o) {
            "disparity (needs subpixel_refinement gradient)");
   v.option("max_residual_share", o.max_residual_share, {0.0, 1.0}, "",
            "part of the window's variance that may remain, besides noise");
-  v.option("precision", o.precision, "drop pixels whose disparity is too uncertain");
+  v.option("precision", o.precision,
+           "drop pixels whose disparity is too uncertain (needs "
+           "subpixel_refinement gradient)");
   v.option("max_sigma_px", o.max_sigma_px, {0.01, 10.0}, "px",
            "largest standard deviation of a disparity");
   v.option("surface", o.surface, "drop small pieces of surface");

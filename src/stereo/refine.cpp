@@ -1,220 +1,266 @@
 #include "stereo/refine.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <vector>
 
 #include "scanner/core/parallel.h"
+#include "stereo/refine_simd.h"
 
 namespace scanner::stereo {
 namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr std::size_t kRowsPerChunk = 48;
-/// Neighbours this far from the centre's disparity belong to another surface.
-constexpr float kSameSurfacePx = 1.5f;
 /// The linearisation holds within about this step.
-constexpr double kMaxStepPx = 0.5;
+constexpr float kMaxStepPx = 0.5f;
 /// Part of the window that must hold a disparity.
 constexpr double kMinWindowShare = 0.3;
 /// Residual variance that noise alone may make, in units of image_noise^2.
 constexpr double kNoiseMargin = 3.0;
+/// Taken off the grey levels: sums of products stay small enough for single precision.
+constexpr float kMiddleGray = 128.0f;
+/// The widest vector that a kernel writes past the end of a row.
+constexpr int kMaxLanes = 16;
 
-/// Terms of the normal equations, as sums over a window.
-enum Term { kCount, kG, kR, kE, kGG, kGR, kRR, kGE, kRE, kEE, kTerms };
-using Sums = std::array<double, kTerms>;
+/// Rows of floats with room on both sides for the kernels. Every row outside reads as one that
+/// holds nothing.
+class Plane {
+ public:
+  Plane(int width, int height, float fill)
+      : width_(width),
+        height_(height),
+        fill_(fill),
+        stride_(static_cast<std::size_t>((width + kMaxLanes - 1) / kMaxLanes * kMaxLanes +
+                                         2 * simd::kRowPad)),
+        data_(stride_ * static_cast<std::size_t>(height + 1), fill) {}
+  int width() const { return width_; }
+  int height() const { return height_; }
+  float* row(int y) { return data_.data() + offset(y); }
+  const float* row(int y) const { return data_.data() + offset(y); }
+  /// To be called after a kernel has written row y: it may have written past the end.
+  void close(int y) { std::fill_n(row(y) + width_, kMaxLanes, fill_); }
 
-/// Per pixel: gradient, warped right image and difference. weight 0 where undefined.
-struct WarpedPixel {
-  float weight = 0.0f, g = 0.0f, r = 0.0f, e = 0.0f;
+ private:
+  std::size_t offset(int y) const {
+    const int at = y < 0 || y >= height_ ? height_ : y;
+    return static_cast<std::size_t>(at) * stride_ + simd::kRowPad;
+  }
+  int width_, height_;
+  float fill_;
+  std::size_t stride_;
+  std::vector<float> data_;
 };
 
-inline void accumulate(const WarpedPixel& p, double sign, Sums& s) {
-  if (p.weight == 0.0f) return;
-  const double g = p.g, r = p.r, e = p.e;
-  s[kCount] += sign;
-  s[kG] += sign * g;
-  s[kR] += sign * r;
-  s[kE] += sign * e;
-  s[kGG] += sign * (g * g);
-  s[kGR] += sign * (g * r);
-  s[kRR] += sign * (r * r);
-  s[kGE] += sign * (g * e);
-  s[kRE] += sign * (r * e);
-  s[kEE] += sign * (e * e);
-}
+/// The rows of a window that moves down the image, `terms` floats a pixel.
+class RowRing {
+ public:
+  RowRing(int width, int terms, int window, float fill)
+      : terms_(terms),
+        window_(window),
+        plane_(width, terms * window, fill),
+        pointers_(static_cast<std::size_t>(terms)),
+        rows_(static_cast<std::size_t>(terms) * static_cast<std::size_t>(window)) {}
 
-/// Mean of the pairs of valid pixels of the same surface that lie opposite each other round (x, y).
-float pairMean(const cv::Mat& disparity, int x, int y, int radius) {
-  const float centre = disparity.at<float>(y, x);
-  float sum = 0.0f;
-  int pairs = 0;
-  for (int dy = 0; dy <= radius; ++dy) {
-    if (y - dy < 0 || y + dy >= disparity.rows) break;
-    const float* up = disparity.ptr<float>(y - dy);
-    const float* down = disparity.ptr<float>(y + dy);
-    for (int dx = dy == 0 ? 1 : -radius; dx <= radius; ++dx) {
-      if (x - std::abs(dx) < 0 || x + std::abs(dx) >= disparity.cols) continue;
-      const float a = up[x - dx] - centre, b = down[x + dx] - centre;
-      // False for NaN as well.
-      if (!(std::abs(a + b) <= kSameSurfacePx && std::abs(a - b) <= 4.0f * kSameSurfacePx))
-        continue;
-      sum += 0.5f * (a + b);
-      ++pairs;
+  /// Where the terms of image row y go.
+  float* const* slot(int y) {
+    for (int k = 0; k < terms_; ++k) {
+      pointers_[static_cast<std::size_t>(k)] = plane_.row(index(k, y));
     }
+    return pointers_.data();
   }
-  return centre + sum / static_cast<float>(pairs + 1);
+  void close(int y) {
+    for (int k = 0; k < terms_; ++k) plane_.close(index(k, y));
+  }
+  /// The rows of the window centred on y, term by term, from the top.
+  const float* const* around(int y) {
+    std::size_t next = 0;
+    for (int k = 0; k < terms_; ++k) {
+      for (int i = 0; i < window_; ++i) {
+        rows_[next++] = plane_.row(index(k, y - window_ / 2 + i));
+      }
+    }
+    return rows_.data();
+  }
+
+ private:
+  int index(int term, int y) const { return term * window_ + (y + window_) % window_; }
+  int terms_, window_;
+  Plane plane_;
+  std::vector<float*> pointers_;
+  std::vector<const float*> rows_;
+};
+
+/// Fills a ring row by row, so that `visit(y)` finds the window of each row of a chunk in it.
+template <typename Fill, typename Visit>
+void forEachRow(int height, int window, int threads, const Fill& fill, const Visit& visit) {
+  parallelFor(static_cast<std::size_t>(height), kRowsPerChunk, threads,
+              [&](std::size_t chunk_begin, std::size_t chunk_end) {
+                const int begin = static_cast<int>(chunk_begin), end = static_cast<int>(chunk_end);
+                auto state = fill.make();
+                for (int y = begin - window / 2; y < begin + window / 2; ++y) fill(state, y);
+                for (int y = begin; y < end; ++y) {
+                  fill(state, y + window / 2);
+                  visit(state, y);
+                }
+              });
 }
 
-cv::Mat smoothed(const cv::Mat& disparity, int radius, int threads) {
-  cv::Mat out(disparity.size(), CV_32FC1, cv::Scalar(kNan));
-  parallelFor(static_cast<std::size_t>(disparity.rows), kRowsPerChunk, threads,
+/// Sums of a window that moves down the image.
+struct WindowSums {
+  WindowSums(int width, int term_count, int window_px)
+      : terms(term_count),
+        window(window_px),
+        ring(width, term_count, window_px, 0.0f),
+        sums(width, term_count, 0.0f),
+        pointers(static_cast<std::size_t>(term_count)) {
+    for (int k = 0; k < terms; ++k) pointers[static_cast<std::size_t>(k)] = sums.row(k);
+  }
+  const float* const* at(int y) {
+    simd::sumAcross(ring.around(y), terms, window, sums.width(), pointers.data());
+    for (int k = 0; k < terms; ++k) sums.close(k);
+    return pointers.data();
+  }
+  int terms, window;
+  RowRing ring;
+  Plane sums;
+  std::vector<float*> pointers;
+};
+
+struct SmoothFill {
+  const Plane& in;
+  int radius;
+  RowRing make() const { return {in.width(), 1, 2 * radius + 1, kNan}; }
+  void operator()(RowRing& ring, int y) const {
+    simd::smoothAlong(in.row(y), in.width(), radius, *ring.slot(y));
+  }
+};
+
+void smooth(const Plane& in, int window, int threads, Plane& out) {
+  if (window <= 1) {
+    out = in;
+    return;
+  }
+  const SmoothFill fill{in, window / 2};
+  forEachRow(in.height(), window, threads, fill, [&](RowRing& ring, int y) {
+    simd::smoothAcross(ring.around(y), in.width(), window / 2, out.row(y));
+    out.close(y);
+  });
+}
+
+struct WarpFill {
+  const Plane& disparity;
+  const Plane& left;
+  const Plane& right;
+  int window;
+  WindowSums make() const { return {left.width(), simd::kRefineTerms, window}; }
+  void operator()(WindowSums& state, int y) const {
+    simd::warpRow(disparity.row(y), left.row(y), right.row(y), left.width(), state.ring.slot(y));
+    state.ring.close(y);
+  }
+};
+
+struct RoughnessFill {
+  const Plane& step;
+  const Plane& before;
+  const Plane& after;
+  int window;
+  WindowSums make() const { return {step.width(), simd::kRoughnessTerms, window}; }
+  void operator()(WindowSums& state, int y) const {
+    simd::roughnessRow(step.row(y), before.row(y), after.row(y), step.width(), state.ring.slot(y));
+    state.ring.close(y);
+  }
+};
+
+/// Grey levels for the kernels; NaN where the mask (may be empty) is 0.
+Plane grayPlane(const cv::Mat& image, const cv::Mat& mask, int threads) {
+  Plane out(image.cols, image.rows, kNan);
+  parallelFor(static_cast<std::size_t>(image.rows), kRowsPerChunk, threads,
               [&](std::size_t begin, std::size_t end) {
                 for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-                  for (int x = 0; x < disparity.cols; ++x) {
-                    if (std::isnan(disparity.at<float>(y, x))) continue;
-                    out.at<float>(y, x) = pairMean(disparity, x, y, radius);
-                  }
+                  const float* from = image.ptr<float>(y);
+                  float* to = out.row(y);
+                  for (int x = 0; x < image.cols; ++x) to[x] = from[x] - kMiddleGray;
+                  if (mask.empty()) continue;
+                  const std::uint8_t* valid = mask.ptr<std::uint8_t>(y);
+                  for (int x = 0; x < image.cols; ++x) to[x] = valid[x] != 0 ? to[x] : kNan;
                 }
               });
   return out;
 }
 
-/// Cubic convolution of one row at x, and its derivative.
-inline void sampleRow(const float* row, float x, float& value, float& slope) {
-  const int x0 = static_cast<int>(x);
-  const float t = x - static_cast<float>(x0);
-  const float a = row[x0 - 1], b = row[x0], c = row[x0 + 1], d = row[x0 + 2];
-  const float c1 = 0.5f * (c - a);
-  const float c2 = a - 2.5f * b + 2.0f * c - 0.5f * d;
-  const float c3 = 0.5f * (d - a) + 1.5f * (b - c);
-  value = b + t * (c1 + t * (c2 + t * c3));
-  slope = c1 + t * (2.0f * c2 + t * 3.0f * c3);
+Plane disparityPlane(const cv::Mat& disparity) {
+  Plane out(disparity.cols, disparity.rows, kNan);
+  for (int y = 0; y < disparity.rows; ++y) {
+    std::copy_n(disparity.ptr<float>(y), disparity.cols, out.row(y));
+  }
+  return out;
 }
 
-struct Problem {
-  const cv::Mat& left;
-  const cv::Mat& right;
-  const cv::Mat& right_valid;
-  const RefinementOptions& options;
-  double max_residual_share;
-  int threads;
+struct Precision {
+  Plane variance, step;
 };
 
-std::vector<WarpedPixel> warp(const Problem& p, const cv::Mat& disparity) {
-  const int width = disparity.cols;
-  std::vector<WarpedPixel> warped(disparity.total());
-  parallelFor(
-      static_cast<std::size_t>(disparity.rows), kRowsPerChunk, p.threads,
-      [&](std::size_t begin, std::size_t end) {
-        for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-          const float* d = disparity.ptr<float>(y);
-          const float* l = p.left.ptr<float>(y);
-          const float* r = p.right.ptr<float>(y);
-          const std::uint8_t* valid =
-              p.right_valid.empty() ? nullptr : p.right_valid.ptr<std::uint8_t>(y);
-          WarpedPixel* out = warped.data() + static_cast<std::size_t>(y) * disparity.step1();
-          for (int x = 1; x + 1 < width; ++x) {
-            const float at = static_cast<float>(x) - d[x];
-            if (!(at >= 1.0f && at < static_cast<float>(width - 2))) continue;  // NaN too
-            const int nearest = static_cast<int>(std::lround(at));
-            if (valid != nullptr && valid[nearest] == 0) continue;
-            float value = 0.0f, slope = 0.0f;
-            sampleRow(r, at, value, slope);
-            out[x] = {1.0f, -0.5f * (slope + 0.5f * (l[x + 1] - l[x - 1])), value, l[x] - value};
-          }
-        }
-      });
-  return warped;
-}
-
-struct Solution {
-  double delta = 0.0;              ///< px
-  double information = 0.0;        ///< reduced normal matrix, 1 / px^2 at unit noise
-  double residual_variance = 0.0;  ///< of L - R after the step, grey levels^2
-  double contrast = 0.0;           ///< variance of R
-};
-
-/// The window's solution; false when it holds too little.
-bool solve(const Sums& s, double min_count, Solution& solution) {
-  const double n = s[kCount];
-  if (n < min_count) return false;
-  double gg = s[kGG] - s[kG] * s[kG] / n;
-  double ge = s[kGE] - s[kG] * s[kE] / n;
-  double ee = s[kEE] - s[kE] * s[kE] / n;
-  const double rr = s[kRR] - s[kR] * s[kR] / n;
-  const double gr = s[kGR] - s[kG] * s[kR] / n;
-  const double re = s[kRE] - s[kR] * s[kE] / n;
-  if (rr > n) {  // a gain is only visible in a window with contrast
-    gg -= gr * gr / rr;
-    ge -= gr * re / rr;
-    ee -= re * re / rr;
-  }
-  if (!(gg > 1e-6 * n)) return false;
-  solution.delta = ge / gg;
-  solution.information = gg;
-  solution.residual_variance = std::max(0.0, ee - solution.delta * ge) / std::max(1.0, n - 3.0);
-  solution.contrast = std::max(0.0, rr) / n;
-  return true;
-}
-
-/// Rolls the window sums down the rows of one chunk and calls `visit(x, y, sums)` for each pixel.
-template <typename Visit>
-void forEachWindow(const std::vector<WarpedPixel>& warped, int width, int height, int radius,
-                   int y_begin, int y_end, const Visit& visit) {
-  std::vector<Sums> columns(static_cast<std::size_t>(width), Sums{});
-  const auto add_row = [&](int y, double sign) {
-    if (y < 0 || y >= height) return;
-    const WarpedPixel* row = warped.data() + static_cast<std::size_t>(y) * columns.size();
-    for (std::size_t x = 0; x < columns.size(); ++x) accumulate(row[x], sign, columns[x]);
-  };
-  for (int y = y_begin - radius; y < y_begin + radius; ++y) add_row(y, 1.0);
-  for (int y = y_begin; y < y_end; ++y) {
-    add_row(y + radius, 1.0);
-    Sums window{};
-    const auto add_column = [&](int x, double sign) {
-      if (x < 0 || x >= width) return;
-      const Sums& c = columns[static_cast<std::size_t>(x)];
-      for (std::size_t k = 0; k < kTerms; ++k) window[k] += sign * c[k];
-    };
-    for (int x = -radius; x < radius; ++x) add_column(x, 1.0);
-    for (int x = 0; x < width; ++x) {
-      add_column(x + radius, 1.0);
-      visit(x, y, window);
-      add_column(x - radius, -1.0);
+/// One least-squares step of every pixel; the last one tells how good it is.
+void step(const WarpFill& warp, const RefinementOptions& o, double max_residual_share, int threads,
+          Precision* precision, Plane& next) {
+  const double noise_variance = o.image_noise * o.image_noise;
+  forEachRow(next.height(), o.window_px, threads, warp, [&](WindowSums& state, int y) {
+    simd::SolveRow row;
+    row.sums = state.at(y);
+    row.disparity = warp.disparity.row(y);
+    row.width = next.width();
+    row.window = o.window_px;
+    row.min_count = static_cast<float>(kMinWindowShare * o.window_px * o.window_px);
+    row.max_step = kMaxStepPx;
+    row.noise_variance = static_cast<float>(noise_variance);
+    row.max_residual = static_cast<float>(kNoiseMargin * noise_variance);
+    // Finite, so that a window without contrast does not make NaN of it.
+    row.max_residual_share = static_cast<float>(std::min(max_residual_share, 1e6));
+    row.next = next.row(y);
+    if (precision != nullptr) {
+      row.variance = precision->variance.row(y);
+      row.step = precision->step.row(y);
     }
-    add_row(y - radius, -1.0);
-  }
+    simd::solveRow(row);
+    next.close(y);
+    if (precision == nullptr) return;
+    precision->variance.close(y);
+    precision->step.close(y);
+  });
 }
 
-void step(const Problem& p, bool last, cv::Mat& disparity, cv::Mat& sigma) {
-  const std::vector<WarpedPixel> warped = warp(p, disparity);
-  const int radius = p.options.window_px / 2;
-  const double min_count = kMinWindowShare * p.options.window_px * p.options.window_px;
-  const double floor2 = p.options.floor_px * p.options.floor_px;
-  const double noise2 = p.options.image_noise * p.options.image_noise;
-  cv::Mat next(disparity.size(), CV_32FC1, cv::Scalar(kNan));
-  const auto solve_pixel = [&](int x, int y, const Sums& sums) {
-    const float d = disparity.at<float>(y, x);
-    Solution s;
-    if (std::isnan(d) || !solve(sums, min_count, s)) return;
-    if (last) {
-      if (s.residual_variance > kNoiseMargin * noise2 + p.max_residual_share * s.contrast) return;
-      const double variance =
-          p.options.noise_correlation * std::max(s.residual_variance, noise2) / s.information;
-      sigma.at<float>(y, x) = static_cast<float>(std::sqrt(variance + floor2));
-    }
-    next.at<float>(y, x) = d + static_cast<float>(std::clamp(s.delta, -kMaxStepPx, kMaxStepPx));
-  };
-  parallelFor(static_cast<std::size_t>(disparity.rows), kRowsPerChunk, p.threads,
-              [&](std::size_t begin, std::size_t end) {
-                forEachWindow(warped, disparity.cols, disparity.rows, radius,
-                              static_cast<int>(begin), static_cast<int>(end), solve_pixel);
-              });
-  disparity = next;
+/// Result and sigma from the last step (`solved`), its smoothed copy and the start.
+void finish(const RoughnessFill& roughness, const Precision& precision, const Plane& start,
+            const RefinementOptions& o, int threads, cv::Mat& disparity, cv::Mat& sigma) {
+  const int width = start.width();
+  forEachRow(start.height(), o.window_px, threads, roughness, [&](WindowSums& state, int y) {
+    Plane out(width, 2, kNan);
+    simd::FinishRow row;
+    row.sums = state.at(y);
+    row.variance = precision.variance.row(y);
+    row.start = start.row(y);
+    row.refined = roughness.after.row(y);
+    row.width = width;
+    row.window = o.window_px;
+    row.noise_gain = static_cast<float>(o.noise_gain);
+    row.step_gain = static_cast<float>(o.step_gain);
+    row.roughness_gain = static_cast<float>(o.roughness_gain);
+    row.floor_variance = static_cast<float>(o.floor_px * o.floor_px);
+    row.max_correction = static_cast<float>(o.max_correction_px);
+    row.disparity = out.row(0);
+    row.sigma = out.row(1);
+    simd::finishRow(row);
+    std::copy_n(out.row(0), width, disparity.ptr<float>(y));
+    std::copy_n(out.row(1), width, sigma.ptr<float>(y));
+  });
+}
+
+std::size_t countDisparities(const cv::Mat& disparity) {
+  return static_cast<std::size_t>(cv::countNonZero(disparity == disparity));
 }
 
 }  // namespace
@@ -222,27 +268,25 @@ void step(const Problem& p, bool last, cv::Mat& disparity, cv::Mat& sigma) {
 std::size_t refineByGradient(const cv::Mat& left, const cv::Mat& right, const cv::Mat& right_valid,
                              const RefinementOptions& options, double max_residual_share,
                              int threads, cv::Mat& disparity, cv::Mat& sigma) {
-  const Problem problem{left, right, right_valid, options, max_residual_share, threads};
-  const cv::Mat start = disparity;
-  sigma = cv::Mat(start.size(), CV_32FC1, cv::Scalar(kNan));
+  const int width = disparity.cols, height = disparity.rows;
+  const Plane left_gray = grayPlane(left, {}, threads);
+  const Plane right_gray = grayPlane(right, right_valid, threads);
+  const Plane start = disparityPlane(disparity);
+  Plane solved = start, smoothed(width, height, kNan);
+  Precision precision{Plane(width, height, kNan), Plane(width, height, kNan)};
+  const WarpFill warp{smoothed, left_gray, right_gray, options.window_px};
   for (int i = 0; i < options.iterations; ++i) {
-    disparity = smoothed(disparity, options.smoothing_px / 2, threads);
-    step(problem, i + 1 == options.iterations, disparity, sigma);
+    smooth(solved, options.smoothing_px, threads, smoothed);
+    step(warp, options, max_residual_share, threads,
+         i + 1 == options.iterations ? &precision : nullptr, solved);
   }
-  disparity = smoothed(disparity, options.final_smoothing_px / 2, threads);
-  std::size_t given_up = 0;
-  for (int y = 0; y < start.rows; ++y) {
-    for (int x = 0; x < start.cols; ++x) {
-      const float before = start.at<float>(y, x);
-      float& after = disparity.at<float>(y, x);
-      if (std::isnan(before)) continue;
-      if (std::abs(after - before) <= static_cast<float>(options.max_correction_px)) continue;
-      after = kNan;
-      sigma.at<float>(y, x) = kNan;
-      ++given_up;
-    }
-  }
-  return given_up;
+  smooth(solved, options.final_smoothing_px, threads, smoothed);
+  const std::size_t before = countDisparities(disparity);
+  disparity = cv::Mat(height, width, CV_32FC1);
+  sigma = cv::Mat(height, width, CV_32FC1);
+  finish({precision.step, solved, smoothed, options.window_px}, precision, start, options, threads,
+         disparity, sigma);
+  return before - countDisparities(disparity);
 }
 
 }  // namespace scanner::stereo

@@ -1,87 +1,234 @@
 #include "stereo/validate.h"
 
-#include <array>
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numeric>
 #include <vector>
+
+#include "scanner/core/parallel.h"
+#include "stereo/matcher.h"
 
 namespace scanner::stereo {
 namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr std::size_t kRowsPerChunk = 64;
 
-/// Calls keep(x, y, disparity) on each pixel that has one and removes it on false.
-template <typename Keep>
-std::size_t removeUnless(cv::Mat& disparity, const Keep& keep) {
-  std::size_t removed = 0;
-  for (int y = 0; y < disparity.rows; ++y) {
-    float* row = disparity.ptr<float>(y);
+/// Calls `clean(y)`, which returns how many pixels of row y it removed, for every row.
+template <typename CleanRow>
+std::size_t sumOverRows(int rows, int threads, const CleanRow& clean) {
+  const auto n = static_cast<std::size_t>(rows);
+  std::vector<std::size_t> removed(chunkCount(n, kRowsPerChunk), 0);
+  parallelFor(n, kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t y = begin; y < end; ++y) {
+      removed[begin / kRowsPerChunk] += clean(static_cast<int>(y));
+    }
+  });
+  return std::accumulate(removed.begin(), removed.end(), std::size_t{0});
+}
+
+/// Nearest column of the right image; -1 when it lies to the left of it. No NaN, please.
+inline int matchColumn(int x, float d) {
+  const float at = static_cast<float>(x) - d + 0.5f;
+  return at < 0.0f ? -1 : static_cast<int>(at);
+}
+
+/// T: pixel type of the right map. A pixel that has none is far from every disparity.
+template <typename T>
+std::size_t removeInconsistentOf(const cv::Mat& right, float tolerance, cv::Mat& disparity,
+                                 int threads) {
+  return sumOverRows(disparity.rows, threads, [&](int y) {
+    float* d = disparity.ptr<float>(y);
+    const T* back = right.ptr<T>(y);
+    std::size_t removed = 0;
     for (int x = 0; x < disparity.cols; ++x) {
-      if (std::isnan(row[x]) || keep(x, y, row[x])) continue;
-      row[x] = kNan;
+      if (std::isnan(d[x])) continue;
+      const int at = matchColumn(x, d[x]);
+      const bool inside = at >= 0 && at < right.cols;
+      if (inside && back[at] >= T{0} &&
+          std::abs(static_cast<float>(back[at]) - d[x]) <= tolerance) {
+        continue;
+      }
+      d[x] = kNan;
       ++removed;
     }
-  }
-  return removed;
+    return removed;
+  });
 }
+
+/// Pixels [begin, end) of one row that hang together.
+struct Run {
+  int begin = 0, end = 0;
+};
+
+/// Union-find over the runs of an image. The root of a set is its smallest member, so the result
+/// does not depend on the order of the unions.
+class Surfaces {
+ public:
+  Surfaces(const cv::Mat& disparity, float max_step, int threads)
+      : disparity_(disparity), max_step_(max_step), row_start_(rows() + 1, 0) {
+    collectRuns(threads);
+    parent_.resize(runs_.size());
+    std::iota(parent_.begin(), parent_.end(), 0);
+    // Strips touch only their own runs; the seams between them come after.
+    parallelFor(rows(), kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t y = begin + 1; y < end; ++y) joinRows(y);
+    });
+    for (std::size_t y = kRowsPerChunk; y < rows(); y += kRowsPerChunk) joinRows(y);
+    sizes_.assign(runs_.size(), 0);
+    for (std::size_t i = 0; i < runs_.size(); ++i) {
+      parent_[i] = parent_[index(parent_[i])];  // a root, since parents come first
+      sizes_[index(parent_[i])] += runs_[i].end - runs_[i].begin;
+    }
+  }
+
+  /// Calls visit(run, size of its surface) for the runs of row y.
+  template <typename Visit>
+  void forRow(int y, const Visit& visit) const {
+    const auto row = static_cast<std::size_t>(y);
+    for (std::size_t i = row_start_[row]; i < row_start_[row + 1]; ++i) {
+      visit(runs_[i], sizes_[index(parent_[i])]);
+    }
+  }
+
+ private:
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+  std::size_t rows() const { return static_cast<std::size_t>(disparity_.rows); }
+
+  void collectRuns(int threads) {
+    std::vector<std::vector<Run>> strips(chunkCount(rows(), kRowsPerChunk));
+    parallelFor(rows(), kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+      std::vector<Run>& strip = strips[begin / kRowsPerChunk];
+      for (std::size_t y = begin; y < end; ++y) {
+        const std::size_t before = strip.size();
+        appendRuns(disparity_.ptr<float>(static_cast<int>(y)), strip);
+        row_start_[y + 1] = strip.size() - before;
+      }
+    });
+    for (const std::vector<Run>& strip : strips) {
+      runs_.insert(runs_.end(), strip.begin(), strip.end());
+    }
+    std::partial_sum(row_start_.begin(), row_start_.end(), row_start_.begin());
+  }
+
+  void appendRuns(const float* d, std::vector<Run>& runs) const {
+    const int width = disparity_.cols;
+    for (int x = 0; x < width;) {
+      if (std::isnan(d[x])) {
+        ++x;
+        continue;
+      }
+      Run run{x, x + 1};
+      while (run.end < width && std::abs(d[run.end] - d[run.end - 1]) <= max_step_) ++run.end;
+      runs.push_back(run);
+      x = run.end;
+    }
+  }
+
+  void joinRows(std::size_t y) {
+    const float* above = disparity_.ptr<float>(static_cast<int>(y) - 1);
+    const float* here = disparity_.ptr<float>(static_cast<int>(y));
+    std::size_t i = row_start_[y - 1], j = row_start_[y];
+    while (i < row_start_[y] && j < row_start_[y + 1]) {
+      const Run a = runs_[i], b = runs_[j];
+      const int end = std::min(a.end, b.end);
+      for (int x = std::max(a.begin, b.begin); x < end; ++x) {
+        if (!(std::abs(above[x] - here[x]) <= max_step_)) continue;
+        join(static_cast<int>(i), static_cast<int>(j));
+        break;
+      }
+      if (a.end <= b.end) ++i;
+      if (b.end <= a.end) ++j;
+    }
+  }
+
+  int root(int i) {
+    while (parent_[index(i)] != i) {
+      parent_[index(i)] = parent_[index(parent_[index(i)])];
+      i = parent_[index(i)];
+    }
+    return i;
+  }
+
+  void join(int a, int b) {
+    a = root(a);
+    b = root(b);
+    if (a != b) parent_[index(std::max(a, b))] = std::min(a, b);
+  }
+
+  const cv::Mat& disparity_;
+  float max_step_;
+  std::vector<std::size_t> row_start_;
+  std::vector<Run> runs_;
+  std::vector<int> parent_, sizes_;
+};
 
 }  // namespace
 
 std::size_t removeOutside(double min_disparity, double max_disparity, int margin,
-                          const cv::Mat& left_valid, const cv::Mat& right_valid,
-                          cv::Mat& disparity) {
-  const int last = disparity.cols - 1 - margin;
-  return removeUnless(disparity, [&](int x, int y, float d) {
-    if (d < min_disparity || d > max_disparity) return false;
-    const int at = static_cast<int>(std::lround(static_cast<float>(x) - d));
-    if (at < margin || at > last) return false;
-    if (!left_valid.empty() && left_valid.at<std::uint8_t>(y, x) == 0) return false;
-    return right_valid.empty() || right_valid.at<std::uint8_t>(y, at) != 0;
-  });
-}
-
-std::size_t removeInconsistent(const cv::Mat& right_disparity, double tolerance,
-                               cv::Mat& disparity) {
-  return removeUnless(disparity, [&](int x, int y, float d) {
-    const int at = static_cast<int>(std::lround(static_cast<float>(x) - d));
-    if (at < 0 || at >= right_disparity.cols) return false;
-    return std::abs(right_disparity.at<float>(y, at) - d) <= tolerance;  // false for NaN
-  });
-}
-
-std::size_t removeImprecise(const cv::Mat& sigma, double max_sigma, cv::Mat& disparity) {
-  return removeUnless(disparity,
-                      [&](int x, int y, float) { return sigma.at<float>(y, x) <= max_sigma; });
-}
-
-std::size_t removeSmallSurfaces(double max_step, int min_size, cv::Mat& disparity) {
-  const int width = disparity.cols, height = disparity.rows;
-  const float step = static_cast<float>(max_step);
-  std::vector<std::uint8_t> seen(disparity.total(), 0);
-  std::vector<int> region;
-  std::size_t removed = 0;
-  float* const d = disparity.ptr<float>();
-  for (int start = 0; start < width * height; ++start) {
-    if (seen[static_cast<std::size_t>(start)] != 0 || std::isnan(d[start])) continue;
-    region.assign(1, start);
-    seen[static_cast<std::size_t>(start)] = 1;
-    for (std::size_t i = 0; i < region.size(); ++i) {  // grows while it is read
-      const int at = region[i], x = at % width;
-      const std::array<int, 4> next{x > 0 ? at - 1 : -1, x + 1 < width ? at + 1 : -1, at - width,
-                                    at + width < width * height ? at + width : -1};
-      for (const int n : next) {
-        if (n < 0 || seen[static_cast<std::size_t>(n)] != 0) continue;
-        if (!(std::abs(d[n] - d[at]) <= step)) continue;  // NaN too
-        seen[static_cast<std::size_t>(n)] = 1;
-        region.push_back(n);
+                          const cv::Mat& left_valid, const cv::Mat& right_valid, cv::Mat& disparity,
+                          int threads) {
+  const int first = std::max(margin, 0), last = disparity.cols - 1 - margin;
+  const float low = static_cast<float>(min_disparity), high = static_cast<float>(max_disparity);
+  return sumOverRows(disparity.rows, threads, [&](int y) {
+    float* d = disparity.ptr<float>(y);
+    const std::uint8_t* left = left_valid.empty() ? nullptr : left_valid.ptr<std::uint8_t>(y);
+    const std::uint8_t* right = right_valid.empty() ? nullptr : right_valid.ptr<std::uint8_t>(y);
+    std::size_t removed = 0;
+    for (int x = 0; x < disparity.cols; ++x) {
+      if (std::isnan(d[x])) continue;
+      bool keep = d[x] >= low && d[x] <= high && (left == nullptr || left[x] != 0);
+      if (keep) {
+        const int at = matchColumn(x, d[x]);
+        keep = at >= first && at <= last && (right == nullptr || right[at] != 0);
       }
+      if (keep) continue;
+      d[x] = kNan;
+      ++removed;
     }
-    if (static_cast<int>(region.size()) >= min_size) continue;
-    removed += region.size();
-    for (const int at : region) d[at] = kNan;
-  }
-  return removed;
+    return removed;
+  });
+}
+
+std::size_t removeInconsistent(const cv::Mat& right_disparity, double tolerance, cv::Mat& disparity,
+                               int threads) {
+  static_assert(kNoDisparity < 0, "told from a disparity by its sign");
+  const float limit = static_cast<float>(tolerance);
+  return right_disparity.type() == CV_16SC1
+             ? removeInconsistentOf<short>(right_disparity, limit, disparity, threads)
+             : removeInconsistentOf<float>(right_disparity, limit, disparity, threads);
+}
+
+std::size_t removeImprecise(const cv::Mat& sigma, double max_sigma, cv::Mat& disparity,
+                            int threads) {
+  const float limit = static_cast<float>(max_sigma);
+  return sumOverRows(disparity.rows, threads, [&](int y) {
+    float* d = disparity.ptr<float>(y);
+    const float* s = sigma.ptr<float>(y);
+    std::size_t removed = 0;
+    for (int x = 0; x < disparity.cols; ++x) {
+      if (std::isnan(d[x]) || s[x] <= limit) continue;
+      d[x] = kNan;
+      ++removed;
+    }
+    return removed;
+  });
+}
+
+std::size_t removeSmallSurfaces(double max_step, int min_size, cv::Mat& disparity, int threads) {
+  const Surfaces surfaces(disparity, static_cast<float>(max_step), threads);
+  return sumOverRows(disparity.rows, threads, [&](int y) {
+    float* d = disparity.ptr<float>(y);
+    std::size_t removed = 0;
+    surfaces.forRow(y, [&](const Run& run, int size) {
+      if (size >= min_size) return;
+      std::fill(d + run.begin, d + run.end, kNan);
+      removed += static_cast<std::size_t>(run.end - run.begin);
+    });
+    return removed;
+  });
 }
 
 }  // namespace scanner::stereo

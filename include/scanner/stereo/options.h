@@ -43,15 +43,17 @@ struct SemiGlobalOptions {
 
 struct RefinementOptions {
   SubpixelRefinement subpixel_refinement = SubpixelRefinement::kGradient;
-  int window_px = 9;
+  int window_px = 5;
   int smoothing_px = 9;
   int final_smoothing_px = 5;
   int iterations = 3;
   double max_correction_px = 1.0;
   double prefilter_sigma_px = 0.5;
   double image_noise = 1.0;
-  double noise_correlation = 3.0;
-  double floor_px = 0.05;
+  double noise_gain = 0.65;
+  double step_gain = 0.22;
+  double roughness_gain = 1.8;
+  double floor_px = 0.02;
 };
 
 /// Every test can be switched off on its own. A pixel that fails one has no disparity.
@@ -63,9 +65,9 @@ struct ValidationOptions {
   bool back_and_forth = true;
   double back_and_forth_tolerance_px = 1.0;
   bool residual = true;
-  double max_residual_share = 0.1;
+  double max_residual_share = 0.05;
   bool precision = true;
-  double max_sigma_px = 0.5;
+  double max_sigma_px = 0.25;
   bool surface = true;
   double surface_step_px = 1.0;
   int surface_size_px = 200;
