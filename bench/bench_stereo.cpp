@@ -224,6 +224,8 @@ struct Bench {
     return out;
   }
   void addOurs(stereo::MatchMethod method, const std::string& against, std::vector<Item>& items);
+  /// The block matcher without what StereoBM has not.
+  void addPlainBlock(std::vector<Item>& items);
   /// Twice: without the removal of speckles, as our matchers alone, and with it.
   void addReference(tools::Reference method, int window_px, const std::string& name,
                     std::vector<Item>& items);
@@ -263,6 +265,22 @@ void Bench::addOurs(stereo::MatchMethod method, const std::string& against,
     const auto output = processor->process(frame);
     if (!output) throw std::runtime_error(output.status().message());
   });
+}
+
+void Bench::addPlainBlock(std::vector<Item>& items) {
+  stereo::MatcherOptions o = options.matcher;
+  o.block.edge_enhancement = stereo::EdgeEnhancement::kSobel;
+  o.block.shift_px = 0;
+  const stereo::DisparitySearch search{o.min_disparity_px, o.max_disparity_px};
+  const std::shared_ptr<const stereo::Matcher> matcher = stereo::makeBlockMatcher(o);
+  items.push_back(
+      {"block, settings of StereoBM",
+       "StereoBM",
+       cellsOfOurs(pictures.left.size(), o),
+       [this, matcher, search] { matcher->match(pictures.left, pictures.right, search, threads); },
+       {},
+       {},
+       0.0});
 }
 
 void Bench::addReference(tools::Reference method, int window_px, const std::string& name,
@@ -324,6 +342,7 @@ int run(const Request& request) {
               options.matcher.max_disparity_px, request.threads, request.repetitions);
   std::vector<Item> items;
   bench.addOurs(stereo::MatchMethod::kBlock, "StereoBM", items);
+  bench.addPlainBlock(items);
   bench.addReference(tools::Reference::kBlock, options.matcher.block.window_px, "StereoBM", items);
   bench.addOurs(stereo::MatchMethod::kSemiGlobal, "StereoSGBM", items);
   bench.addReference(tools::Reference::kSemiGlobal, 0, "StereoSGBM", items);

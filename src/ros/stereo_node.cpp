@@ -247,7 +247,8 @@ void StereoNode::Impl::publish(const stereo::StereoProcessor::Output& output) {
     disparity_.publish(toRos(output.disparity, processor_->calibration(), frame_));
   }
   publishViewfinder(output);
-  points_.publish(boost::make_shared<const sensor_msgs::PointCloud2>(toRos(output.cloud, frame_)));
+  points_.publish(
+      boost::make_shared<const sensor_msgs::PointCloud2>(toRos(output.cloud, frame_, threads_)));
 }
 
 void StereoNode::Impl::publishViewfinder(const stereo::StereoProcessor::Output& output) {

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "scanner/core/parallel.h"
@@ -26,8 +27,8 @@ constexpr float kMiddleGray = 128.0f;
 /// The widest vector that a kernel writes past the end of a row.
 constexpr int kMaxLanes = 16;
 
-/// Rows of floats with room on both sides for the kernels. Every row outside reads as one that
-/// holds nothing.
+/// Rows of floats with room on both sides for the kernels. The room and every row outside hold
+/// `fill`; what is inside must be written before it is read.
 class Plane {
  public:
   Plane(int width, int height, float fill)
@@ -36,11 +37,18 @@ class Plane {
         fill_(fill),
         stride_(static_cast<std::size_t>((width + kMaxLanes - 1) / kMaxLanes * kMaxLanes +
                                          2 * simd::kRowPad)),
-        data_(stride_ * static_cast<std::size_t>(height + 1), fill) {}
+        data_(new float[stride_ * static_cast<std::size_t>(height + 1)]) {
+    for (int y = 0; y < height; ++y) {
+      float* start = row(y);
+      std::fill(start - simd::kRowPad, start, fill);
+      std::fill(start + width, start - simd::kRowPad + stride_, fill);
+    }
+    std::fill_n(row(height) - simd::kRowPad, stride_, fill);
+  }
   int width() const { return width_; }
   int height() const { return height_; }
-  float* row(int y) { return data_.data() + offset(y); }
-  const float* row(int y) const { return data_.data() + offset(y); }
+  float* row(int y) { return data_.get() + offset(y); }
+  const float* row(int y) const { return data_.get() + offset(y); }
   /// To be called after a kernel has written row y: it may have written past the end.
   void close(int y) { std::fill_n(row(y) + width_, kMaxLanes, fill_); }
 
@@ -52,8 +60,16 @@ class Plane {
   int width_, height_;
   float fill_;
   std::size_t stride_;
-  std::vector<float> data_;
+  std::unique_ptr<float[]> data_;  // NOLINT(modernize-avoid-c-arrays): a vector would be filled
 };
+
+template <typename Visit>
+void eachRow(int height, int threads, const Visit& visit) {
+  parallelFor(static_cast<std::size_t>(height), kRowsPerChunk, threads,
+              [&](std::size_t begin, std::size_t end) {
+                for (std::size_t y = begin; y < end; ++y) visit(static_cast<int>(y));
+              });
+}
 
 /// The rows of a window that moves down the image, `terms` floats a pixel.
 class RowRing {
@@ -141,7 +157,7 @@ struct SmoothFill {
 
 void smooth(const Plane& in, int window, int threads, Plane& out) {
   if (window <= 1) {
-    out = in;
+    eachRow(in.height(), threads, [&](int y) { std::copy_n(in.row(y), in.width(), out.row(y)); });
     return;
   }
   const SmoothFill fill{in, window / 2};
@@ -178,25 +194,21 @@ struct RoughnessFill {
 /// Grey levels for the kernels; NaN where the mask (may be empty) is 0.
 Plane grayPlane(const cv::Mat& image, const cv::Mat& mask, int threads) {
   Plane out(image.cols, image.rows, kNan);
-  parallelFor(static_cast<std::size_t>(image.rows), kRowsPerChunk, threads,
-              [&](std::size_t begin, std::size_t end) {
-                for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-                  const float* from = image.ptr<float>(y);
-                  float* to = out.row(y);
-                  for (int x = 0; x < image.cols; ++x) to[x] = from[x] - kMiddleGray;
-                  if (mask.empty()) continue;
-                  const std::uint8_t* valid = mask.ptr<std::uint8_t>(y);
-                  for (int x = 0; x < image.cols; ++x) to[x] = valid[x] != 0 ? to[x] : kNan;
-                }
-              });
+  eachRow(image.rows, threads, [&](int y) {
+    const float* from = image.ptr<float>(y);
+    float* to = out.row(y);
+    for (int x = 0; x < image.cols; ++x) to[x] = from[x] - kMiddleGray;
+    if (mask.empty()) return;
+    const std::uint8_t* valid = mask.ptr<std::uint8_t>(y);
+    for (int x = 0; x < image.cols; ++x) to[x] = valid[x] != 0 ? to[x] : kNan;
+  });
   return out;
 }
 
-Plane disparityPlane(const cv::Mat& disparity) {
+Plane disparityPlane(const cv::Mat& disparity, int threads) {
   Plane out(disparity.cols, disparity.rows, kNan);
-  for (int y = 0; y < disparity.rows; ++y) {
-    std::copy_n(disparity.ptr<float>(y), disparity.cols, out.row(y));
-  }
+  eachRow(disparity.rows, threads,
+          [&](int y) { std::copy_n(disparity.ptr<float>(y), disparity.cols, out.row(y)); });
   return out;
 }
 
@@ -271,12 +283,12 @@ std::size_t refineByGradient(const cv::Mat& left, const cv::Mat& right, const cv
   const int width = disparity.cols, height = disparity.rows;
   const Plane left_gray = grayPlane(left, {}, threads);
   const Plane right_gray = grayPlane(right, right_valid, threads);
-  const Plane start = disparityPlane(disparity);
-  Plane solved = start, smoothed(width, height, kNan);
+  const Plane start = disparityPlane(disparity, threads);
+  Plane solved(width, height, kNan), smoothed(width, height, kNan);
   Precision precision{Plane(width, height, kNan), Plane(width, height, kNan)};
   const WarpFill warp{smoothed, left_gray, right_gray, options.window_px};
   for (int i = 0; i < options.iterations; ++i) {
-    smooth(solved, options.smoothing_px, threads, smoothed);
+    smooth(i == 0 ? start : solved, options.smoothing_px, threads, smoothed);
     step(warp, options, max_residual_share, threads,
          i + 1 == options.iterations ? &precision : nullptr, solved);
   }

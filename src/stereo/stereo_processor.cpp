@@ -4,7 +4,9 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <vector>
 
+#include "scanner/core/parallel.h"
 #include "scanner/core/se3.h"
 #include "scanner/stereo/normals.h"
 #include "scanner/stereo/triangulate.h"
@@ -14,6 +16,7 @@ namespace {
 
 /// Pairs of which less matches are looked at for trouble.
 constexpr double kSuspiciousShare = 0.25;
+constexpr std::size_t kPointsPerChunk = 16384;
 
 /// No disparity anywhere.
 DisparityImage nothingOf(const RectifiedPair& pair) {
@@ -36,23 +39,40 @@ class Stopwatch {
   std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
 };
 
-void summarize(const OrganizedCloud& organized, const DisparityImage& disparity,
-               StereoStatistics& s) {
-  const PointCloud& cloud = organized.cloud;
+struct Sums {
+  std::size_t points = 0, normals = 0;
   double sigma_px = 0.0, sigma_m = 0.0;
+};
+
+void summarize(const PointCloud& cloud, const DisparityImage& disparity, int threads,
+               StereoStatistics& s) {
   const float* sigmas_px = disparity.sigma_px.ptr<float>();
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    if (std::isnan(cloud.points[i].z())) continue;
-    ++s.points;
-    sigma_px += static_cast<double>(sigmas_px[i]);
-    sigma_m += static_cast<double>(cloud.sigmas[i]);
-    if (!std::isnan(cloud.normals[i].z())) ++s.normals;
+  std::vector<Sums> chunks(chunkCount(cloud.size(), kPointsPerChunk));
+  parallelFor(cloud.size(), kPointsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
+    Sums sums;
+    for (std::size_t i = begin; i < end; ++i) {
+      if (std::isnan(cloud.points[i].z())) continue;
+      ++sums.points;
+      sums.sigma_px += static_cast<double>(sigmas_px[i]);
+      sums.sigma_m += static_cast<double>(cloud.sigmas[i]);
+      if (!std::isnan(cloud.normals[i].z())) ++sums.normals;
+    }
+    chunks[begin / kPointsPerChunk] = sums;
+  });
+  Sums all;
+  for (const Sums& chunk : chunks) {
+    all.points += chunk.points;
+    all.normals += chunk.normals;
+    all.sigma_px += chunk.sigma_px;
+    all.sigma_m += chunk.sigma_m;
   }
+  s.points = all.points;
+  s.normals = all.normals;
   if (s.points == 0) return;
   const auto n = static_cast<double>(s.points);
   s.density = n / static_cast<double>(cloud.size());
-  s.mean_sigma_px = sigma_px / n;
-  s.mean_sigma_m = sigma_m / n;
+  s.mean_sigma_px = all.sigma_px / n;
+  s.mean_sigma_m = all.sigma_m / n;
 }
 
 }  // namespace
@@ -105,7 +125,7 @@ Result<StereoProcessor::Output> StereoProcessor::process(const StereoFrame& fram
   s.triangulate_s = watch.lap();
   estimateNormals(out.cloud, options_.normals, threads_);
   s.normals_s = watch.lap();
-  summarize(out.cloud, out.disparity, s);
+  summarize(out.cloud.cloud, out.disparity, threads_, s);
   return out;
 }
 

@@ -80,7 +80,8 @@ Result<Trajectory> fromRos(const nav_msgs::Path& message);
 /// in a float, as rviz wants), sigma (m). Absent attributes have no field.
 sensor_msgs::PointCloud2 toRos(const PointCloud& cloud, const std_msgs::Header& header);
 /// The same, organised: width x height, is_dense false.
-sensor_msgs::PointCloud2 toRos(const OrganizedCloud& cloud, const std::string& frame_id);
+sensor_msgs::PointCloud2 toRos(const OrganizedCloud& cloud, const std::string& frame_id,
+                               int threads = 1);
 /// Needs x y z as float32 little endian; takes the attributes above when there. Unknown fields are
 /// ignored.
 Result<PointCloud> pointsFromRos(const sensor_msgs::PointCloud2& message);
