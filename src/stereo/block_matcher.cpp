@@ -25,7 +25,7 @@ int differenceLimit(int window) {
 }
 
 /// Rows that one task matches; more with a large window, whose first row costs as many again.
-std::size_t rowsPerChunk(int window) { return toSize(std::max(64, 4 * window)); }
+std::size_t rowsPerChunk(int window) { return toSize(std::max(96, 6 * window)); }
 
 /// Fraction of a pixel from two straight lines of opposite slope through the least cost and its
 /// neighbours: a sum of absolute differences rises linearly on both sides of its minimum, so that a
@@ -62,11 +62,16 @@ class TextureRows {
   void add(int y, int sign) {
     if (y < 0 || y >= left_.rows) return;
     const std::uint8_t* row = left_.ptr<std::uint8_t>(y);
-    const bool plain = options_.edge_enhancement == EdgeEnhancement::kNone;
-    for (int x = 0; x < left_.cols; ++x) {
-      // Without edge enhancement there is no zero level: the step to the next pixel stands for it.
-      const int level = plain ? row[std::max(0, x - 1)] : options_.edge_limit;
-      columns_[toSize(x)] += sign * std::abs(row[x] - level);
+    if (options_.edge_enhancement != EdgeEnhancement::kNone) {
+      for (int x = 0; x < left_.cols; ++x) {
+        columns_[toSize(x)] += sign * std::abs(row[x] - options_.edge_limit);
+      }
+      return;
+    }
+    // Without edge enhancement there is no zero level: the step from the pixel before stands for
+    // it.
+    for (int x = 1; x < left_.cols; ++x) {
+      columns_[toSize(x)] += sign * std::abs(row[x] - row[x - 1]);
     }
   }
 
@@ -216,14 +221,16 @@ Counts BlockMatcher::matchRows(const simd::BlockLayout& layout, const Enhanced& 
     row.right_in = rowOf(images.right, y + layout.radius);
     row.left_out = rowOf(images.left, leaving);
     row.right_out = rowOf(images.right, leaving);
-    texture.add(y + layout.radius, 1);
-    texture.add(leaving, -1);
+    if (validation_.texture) {
+      texture.add(y + layout.radius, 1);
+      texture.add(leaving, -1);
+    }
     if (y < begin) {
       simd::slideColumns(layout, row);
       continue;
     }
     simd::matchRow(layout, row);
-    texture.integrate();
+    if (validation_.texture) texture.integrate();
     readLeft(layout, work, texture, out.left.ptr<float>(y), counts);
     readRight(layout, work, out.right.ptr<short>(y));
   }

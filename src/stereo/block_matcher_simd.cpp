@@ -50,7 +50,6 @@ using D16 = hn::ScalableTag<std::uint16_t>;
 using D8 = hn::Rebind<std::uint8_t, D16>;
 using S8 = hn::Rebind<std::int8_t, D16>;
 using S16 = hn::Rebind<std::int16_t, D16>;
-using V8 = hn::Vec<D8>;
 using V16 = hn::Vec<D16>;
 
 #if HWY_TARGET == HWY_SCALAR
@@ -69,40 +68,76 @@ HWY_INLINE std::uint16_t leastLane(D d, hn::Vec<D> v) {
 }
 #endif
 
-template <bool kCut>
-HWY_INLINE V8 difference(V8 a, V8 b, V8 limit) {
-  const V8 value = hn::Or(hn::SaturatedSub(a, b), hn::SaturatedSub(b, a));
-  return kCut ? hn::Min(value, limit) : value;
+/// The entering row's difference less that of the leaving one. Differences are below 128, so that
+/// this fits into a signed byte.
+template <bool kCut, class D>
+class Change {
+ public:
+  using V = hn::Vec<D>;
+  HWY_INLINE Change(std::uint8_t left_in, std::uint8_t left_out, std::uint8_t limit)
+      : left_in_(hn::Set(D(), left_in)),
+        left_out_(hn::Set(D(), left_out)),
+        limit_(hn::Set(D(), limit)) {}
+  HWY_INLINE auto operator()(V right_in, V right_out) const {
+    const V change = hn::Sub(difference(left_in_, right_in), difference(left_out_, right_out));
+    return hn::BitCast(hn::RebindToSigned<D>(), change);
+  }
+
+ private:
+  HWY_INLINE V difference(V a, V b) const {
+    const V value = hn::Or(hn::SaturatedSub(a, b), hn::SaturatedSub(b, a));
+    return kCut ? hn::Min(value, limit_) : value;
+  }
+  V left_in_, left_out_, limit_;
+};
+
+/// What a column's step from row to row, and that of the windows along the row, work on.
+struct Slide {
+  std::uint16_t* HWY_RESTRICT column;
+  const std::uint16_t* before;   ///< window sums of the column before ...
+  const std::uint16_t* leaving;  ///< ... the column sums that leave them ...
+  std::uint16_t* windows;        ///< ... and the window sums that this makes
+};
+
+template <bool kWindows>
+HWY_INLINE void add(const Slide& to, std::size_t i, hn::Vec<S16> change) {
+  const D16 d;
+  const V16 sum = hn::Add(hn::Load(d, to.column + i), hn::BitCast(d, change));
+  hn::Store(sum, d, to.column + i);
+  if (!kWindows) return;
+  const V16 old = hn::Sub(hn::Load(d, to.before + i), hn::Load(d, to.leaving + i));
+  hn::Store(hn::Add(old, sum), d, to.windows + i);
 }
 
-/// Column x: the entering row's differences less those of the leaving one. Differences are below
-/// 128, so that this fits into a signed byte. With `windows`, on to the window sums whose last
-/// column this is: those of the column `before`, plus this column, less the one that is `leaving`.
+/// Column x, one row on. With `kWindows`, on to the window sums whose last column this is: those of
+/// the column before, plus this column, less the one that leaves.
 template <bool kCut, bool kWindows>
-HWY_INLINE void slideColumn(const BlockLayout& layout, const BlockRow& row, int x,
-                            const std::uint16_t* before, const std::uint16_t* leaving,
-                            std::uint16_t* windows) {
-  const D16 d;
-  const D8 d8;
-  const std::size_t lanes = hn::Lanes(d);
+HWY_INLINE void slideColumn(const BlockLayout& layout, const BlockRow& row, int x, Slide to) {
+  const std::size_t lanes = hn::Lanes(D16());
   const std::size_t cells = toSize(columnCells(layout, x));
   const std::size_t mirrored = toSize(layout.width - 1 - x + layout.min_disparity);
   const std::uint8_t* HWY_RESTRICT right_in = row.right_in + mirrored;
   const std::uint8_t* HWY_RESTRICT right_out = row.right_out + mirrored;
-  const V8 left_in = hn::Set(d8, row.left_in[x]);
-  const V8 left_out = hn::Set(d8, row.left_out[x]);
-  const V8 limit = hn::Set(d8, static_cast<std::uint8_t>(layout.limit));
-  std::uint16_t* HWY_RESTRICT column = row.columns + toSize(x) * toSize(layout.padded);
-  for (std::size_t i = 0; i < cells; i += lanes) {
-    const V8 in = difference<kCut>(left_in, hn::LoadU(d8, right_in + i), limit);
-    const V8 out = difference<kCut>(left_out, hn::LoadU(d8, right_out + i), limit);
-    const auto change = hn::PromoteTo(S16(), hn::BitCast(S8(), hn::Sub(in, out)));
-    const V16 sum = hn::Add(hn::Load(d, column + i), hn::BitCast(d, change));
-    hn::Store(sum, d, column + i);
-    if (kWindows) {
-      const V16 old = hn::Sub(hn::Load(d, before + i), hn::Load(d, leaving + i));
-      hn::Store(hn::Add(old, sum), d, windows + i);
+  const std::uint8_t left_in = row.left_in[x], left_out = row.left_out[x];
+  const auto limit = static_cast<std::uint8_t>(layout.limit);
+  to.column = row.columns + toSize(x) * toSize(layout.padded);
+  std::size_t i = 0;
+#if HWY_TARGET != HWY_SCALAR
+  {
+    const hn::Repartition<std::uint8_t, D16> d;
+    const Change<kCut, decltype(d)> change(left_in, left_out, limit);
+    for (; i + 2 * lanes <= cells; i += 2 * lanes) {
+      const auto both = change(hn::LoadU(d, right_in + i), hn::LoadU(d, right_out + i));
+      add<kWindows>(to, i, hn::PromoteTo(S16(), hn::LowerHalf(S8(), both)));
+      add<kWindows>(to, i + lanes, hn::PromoteTo(S16(), hn::UpperHalf(S8(), both)));
     }
+  }
+#endif
+  const D8 d;
+  const Change<kCut, D8> change(left_in, left_out, limit);
+  for (; i < cells; i += lanes) {
+    const auto one = change(hn::LoadU(d, right_in + i), hn::LoadU(d, right_out + i));
+    add<kWindows>(to, i, hn::PromoteTo(S16(), one));
   }
 }
 
@@ -120,7 +155,7 @@ HWY_INLINE void slideWindow(const BlockLayout& layout, const BlockRow& row, int 
   const std::uint16_t* zeros = row.windows + toSize(ring) * padded;
   const std::uint16_t* leaving = old >= 0 ? row.columns + toSize(old) * padded : zeros;
   if (entering < layout.width) {
-    slideColumn<kCut, true>(layout, row, entering, before, leaving, now);
+    slideColumn<kCut, true>(layout, row, entering, {nullptr, before, leaving, now});
     return;
   }
   for (std::size_t i = 0; i < padded; i += lanes) {
@@ -128,22 +163,39 @@ HWY_INLINE void slideWindow(const BlockLayout& layout, const BlockRow& row, int 
   }
 }
 
-HWY_INLINE void testUniqueness(const BlockRow& row, const std::uint16_t* cost, int cells, int x) {
+/// Lanes of v <= bound. Before AVX-512, unsigned numbers can only be compared for equality.
+HWY_INLINE std::size_t countAtMost(V16 v, V16 bound) {
+  const D16 d;
+#if HWY_TARGET <= HWY_AVX3
+  return hn::Lanes(d) - hn::CountTrue(d, hn::Gt(v, bound));
+#else
+  return hn::CountTrue(d, hn::Eq(hn::Min(v, bound), v));
+#endif
+}
+
+/// The cost up to which another cell is too good beside the best one.
+HWY_INLINE std::uint16_t closeCost(std::uint16_t least, int uniqueness) {
+  const std::uint64_t slack = (static_cast<std::uint64_t>(least) * toSize(uniqueness)) >> 16;
+  return static_cast<std::uint16_t>(
+      std::min<std::uint64_t>(least + slack, static_cast<std::uint64_t>(kNoBlockCost - 1)));
+}
+
+/// The first cell that costs `least`; how many cost at most `bound`. Backwards and through all
+/// cells, as leaving when it is found would be guessed wrong by the processor.
+HWY_INLINE std::size_t findCost(const std::uint16_t* cost, std::size_t cells, std::uint16_t least,
+                                std::uint16_t bound, std::size_t& close) {
   const D16 d;
   const std::size_t lanes = hn::Lanes(d);
-  const std::uint16_t* around = row.around + std::ptrdiff_t{3} * x;
-  const std::uint32_t best = around[1];
-  const std::uint64_t slack = (static_cast<std::uint64_t>(best) * toSize(row.uniqueness)) >> 16;
-  const auto least = static_cast<std::uint16_t>(
-      std::min<std::uint64_t>(best + slack, static_cast<std::uint64_t>(kNoBlockCost - 1)));
-  const V16 bound = hn::Set(d, least);
-  std::size_t close = toSize(cells);
-  for (std::size_t i = 0; i < toSize(cells); i += lanes) {
-    close -= hn::CountTrue(d, hn::Gt(hn::LoadU(d, cost + i), bound));
+  const V16 wanted = hn::Set(d, least), most = hn::Set(d, bound);
+  std::size_t found = 0;
+  for (std::size_t i = cells; i > 0;) {
+    i -= lanes;
+    const V16 v = hn::LoadU(d, cost + i);
+    close += countAtMost(v, most);
+    const auto at = hn::FindFirstTrue(d, hn::Eq(v, wanted));
+    found = at >= 0 ? i + static_cast<std::size_t>(at) : found;
   }
-  std::size_t own = 0;
-  for (int i = 0; i < 3; ++i) own += around[i] <= least ? 1 : 0;
-  row.ambiguous[x] = close > own ? 1 : 0;
+  return found;
 }
 
 /// Costs of pixel x, and the best of them.
@@ -163,36 +215,46 @@ HWY_INLINE void matchPixel(const BlockLayout& layout, const BlockRow& row, int x
   const std::uint16_t* before = windowAt(x - layout.shift);
   const std::uint16_t* after = windowAt(x + layout.shift);
   V16 best = hn::Set(d, kNoBlockCost);
-  V16 where = hn::Zero(d);
-  V16 cell = hn::Iota(d, 0);
-  const V16 step = hn::Set(d, static_cast<std::uint16_t>(lanes));
-  const V16 none = hn::Set(d, kNoBlockCost);
-  const auto take = [&](std::size_t i, V16 value) HWY_ATTR {
-    hn::StoreU(value, d, cost + i);
-    where = hn::IfThenElse(hn::Lt(value, best), cell, where);
-    best = hn::Min(value, best);
-    cell = hn::Add(cell, step);
-  };
   const auto load = [&](std::size_t i) HWY_ATTR {
     const V16 value = hn::Load(d, middle + i);
     if (!kShift) return value;
     return hn::Min(value, hn::Min(hn::Load(d, before + i), hn::Load(d, after + i)));
   };
+  const auto take = [&](std::size_t i, V16 value) HWY_ATTR {
+    hn::StoreU(value, d, cost + i);
+    best = hn::Min(best, value);
+  };
   std::size_t i = 0;
   for (; i + lanes <= toSize(valid); i += lanes) take(i, load(i));
   const V16 end = hn::Set(d, static_cast<std::uint16_t>(valid));
   for (; i < toSize(cells); i += lanes) {
-    take(i, hn::IfThenElse(hn::Lt(cell, end), load(i), none));
+    const V16 cell = hn::Add(hn::Iota(d, 0), hn::Set(d, static_cast<std::uint16_t>(i)));
+    take(i, hn::IfThenElse(hn::Lt(cell, end), load(i), hn::Set(d, kNoBlockCost)));
   }
   const std::uint16_t least = leastLane(d, best);
-  const std::size_t found =
-      leastLane(d, hn::IfThenElse(hn::Eq(best, hn::Set(d, least)), where, none));
+  const std::uint16_t bound = closeCost(least, std::max(0, row.uniqueness));
+  std::size_t close = 0;
+  const std::size_t found = findCost(cost, toSize(cells), least, bound, close);
   std::uint16_t* around = row.around + std::ptrdiff_t{3} * x;
   around[0] = found > 0 ? cost[found - 1] : kNoBlockCost;
   around[1] = least;
   around[2] = cost[found + 1];  // past the last cell: kNoBlockCost
   row.best[x] = static_cast<std::int16_t>(found);
-  if (row.uniqueness >= 0) testUniqueness(row, cost, cells, x);
+  // The best one and its neighbours are no rivals of their own.
+  const std::size_t own =
+      toSize(around[0] <= bound) + toSize(least <= bound) + toSize(around[2] <= bound);
+  row.ambiguous[x] = close > own ? 1 : 0;
+}
+
+/// A cost and the column it belongs to, lane by lane.
+struct Best {
+  V16 cost, column;
+};
+
+/// The cheaper one; `first` where they are equal.
+HWY_INLINE Best cheaper(const Best& first, const Best& second) {
+  const V16 cost = hn::Min(first.cost, second.cost);
+  return {cost, hn::IfThenElse(hn::Eq(cost, first.cost), first.column, second.column)};
 }
 
 /// Best left column of the right pixels that the columns [first, first + n) reach. A vector of
@@ -204,20 +266,28 @@ HWY_INLINE void matchRight(const BlockLayout& layout, const BlockRow& row, int f
   const int last = first + n - 1;
   const std::size_t start = toSize(layout.width - 1 - last);
   const int cells = roundedUp(std::min(layout.count, last - layout.min_disparity + 1));
-  const V16 one = hn::Set(d, 1);
+  const V16 one = hn::Set(d, 1), two = hn::Set(d, 2), three = hn::Set(d, 3);
+  const V16 four = hn::Set(d, 4);
   for (std::size_t i = 0; i < toSize(cells + n - 1); i += lanes) {
-    V16 best = hn::LoadU(d, row.right_cost + start + i);
-    V16 where = hn::LoadU(d, row.right_column + start + i);
+    Best best{hn::LoadU(d, row.right_cost + start + i), hn::LoadU(d, row.right_column + start + i)};
     V16 column = hn::Set(d, static_cast<std::uint16_t>(first));
     const std::uint16_t* cost = row.costs + kCostPadding + i - toSize(n - 1);
-    for (int k = 0; k < n; ++k, cost += stride + 1) {
-      const V16 value = hn::LoadU(d, cost);
-      where = hn::IfThenElse(hn::Lt(value, best), column, where);
-      best = hn::Min(value, best);
+    const auto costs = [&](std::size_t k)
+                           HWY_ATTR { return hn::LoadU(d, cost + k * (stride + 1)); };
+    int k = 0;
+    for (; k + 4 <= n; k += 4, cost += 4 * (stride + 1)) {  // within four by small constants
+      const Best early = cheaper({costs(0), hn::Zero(d)}, {costs(1), one});
+      const Best late = cheaper({costs(2), two}, {costs(3), three});
+      const Best of_four = cheaper(early, late);
+      best = cheaper(best, {of_four.cost, hn::Add(of_four.column, column)});
+      column = hn::Add(column, four);
+    }
+    for (; k < n; ++k, cost += stride + 1) {
+      best = cheaper(best, {costs(0), column});
       column = hn::Add(column, one);
     }
-    hn::StoreU(best, d, row.right_cost + start + i);
-    hn::StoreU(where, d, row.right_column + start + i);
+    hn::StoreU(best.cost, d, row.right_cost + start + i);
+    hn::StoreU(best.column, d, row.right_column + start + i);
   }
 }
 
@@ -225,7 +295,7 @@ template <bool kCut>
 void slideColumnsOf(const BlockLayout& layout, const BlockRow& row) {
   const int begin = std::max(0, layout.min_disparity - layout.radius - layout.shift);
   for (int x = begin; x < layout.width; ++x) {
-    slideColumn<kCut, false>(layout, row, x, nullptr, nullptr, nullptr);
+    slideColumn<kCut, false>(layout, row, x, {});
   }
 }
 
