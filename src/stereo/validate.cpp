@@ -172,21 +172,20 @@ std::size_t removeOutside(double min_disparity, double max_disparity, int margin
                           int threads) {
   const int first = std::max(margin, 0), last = disparity.cols - 1 - margin;
   const float low = static_cast<float>(min_disparity), high = static_cast<float>(max_disparity);
+  const std::vector<std::uint8_t> all(static_cast<std::size_t>(disparity.cols), 1);
   return sumOverRows(disparity.rows, threads, [&](int y) {
     float* d = disparity.ptr<float>(y);
-    const std::uint8_t* left = left_valid.empty() ? nullptr : left_valid.ptr<std::uint8_t>(y);
-    const std::uint8_t* right = right_valid.empty() ? nullptr : right_valid.ptr<std::uint8_t>(y);
+    const std::uint8_t* left = left_valid.empty() ? all.data() : left_valid.ptr<std::uint8_t>(y);
+    const std::uint8_t* right = right_valid.empty() ? all.data() : right_valid.ptr<std::uint8_t>(y);
     std::size_t removed = 0;
     for (int x = 0; x < disparity.cols; ++x) {
-      if (std::isnan(d[x])) continue;
-      bool keep = d[x] >= low && d[x] <= high && (left == nullptr || left[x] != 0);
-      if (keep) {
-        const int at = matchColumn(x, d[x]);
-        keep = at >= first && at <= last && (right == nullptr || right[at] != 0);
-      }
-      if (keep) continue;
-      d[x] = kNan;
-      ++removed;
+      // Without branches, which the edges of surfaces would have the processor guess wrong.
+      const bool within = (d[x] >= low) & (d[x] <= high);  // not for NaN
+      const int at = matchColumn(x, within ? d[x] : 0.0f);
+      const bool inside = (at >= first) & (at <= last);
+      const bool keep = within & inside & (left[x] != 0) & (right[inside ? at : 0] != 0);
+      removed += static_cast<std::size_t>(!keep & !std::isnan(d[x]));
+      d[x] = keep ? d[x] : kNan;
     }
     return removed;
   });

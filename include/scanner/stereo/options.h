@@ -46,7 +46,7 @@ struct RefinementOptions {
   int window_px = 5;
   int smoothing_px = 9;
   int final_smoothing_px = 5;
-  int iterations = 3;
+  int iterations = 2;
   double max_correction_px = 1.0;
   double prefilter_sigma_px = 0.5;
   double image_noise = 1.0;
