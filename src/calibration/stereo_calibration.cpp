@@ -44,7 +44,7 @@ ViewReport viewReport(const BoardObservation& observation, const Board& board,
   for (const auto& residuals : fitted.residual) {
     for (const cv::Point2f& r : residuals) view.max_px = std::max(view.max_px, cv::norm(r));
   }
-  view.T_camera_board = pose(fitted.rotation, fitted.translation);
+  view.T_camera_board = pose(fitted.pose);
   view.left = observation.left;
   view.right = observation.right;
   view.left_residual = fitted.residual[0];

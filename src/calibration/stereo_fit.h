@@ -5,13 +5,12 @@
 #include <optional>
 #include <vector>
 
+#include "calibration/bundle.h"
 #include "scanner/calibration/stereo_calibration.h"
 
 /// One calibration with a given distortion model from given views: what the selection of models and
 /// views repeats. Eye 0 is the left one.
 namespace scanner::calibration {
-
-using Views = std::vector<const BoardObservation*>;
 
 struct StereoFit {
   Distortion distortion = Distortion::kK1;
@@ -23,24 +22,18 @@ struct StereoFit {
 
 /// A board under a fit.
 struct BoardFit {
-  cv::Mat rotation, translation;                     ///< board to left camera, 3x1 CV_64F
+  BoardPose pose;
   std::array<std::vector<cv::Point2f>, 2> residual;  ///< measured minus projected
   std::array<double, 2> mean_square = {0.0, 0.0};    ///< px^2
   double meanSquare() const { return 0.5 * (mean_square[0] + mean_square[1]); }
 };
-
-inline const std::vector<cv::Point2f>& corners(const BoardObservation& o, int eye) {
-  return eye == 0 ? o.left : o.right;
-}
-
-std::vector<cv::Point3f> boardPoints(const Board& board);
 
 /// Nothing when the optimisation breaks down. `start` (may be null, of the same model) saves the
 /// search for a first guess.
 std::optional<StereoFit> fitStereo(const Views& views, const Board& board, cv::Size size,
                                    Distortion distortion, const StereoFit* start);
 
-/// The pose of the board that fits both eyes best, by Levenberg-Marquardt; the cameras stay.
+/// The pose of the board that fits both eyes best; the cameras stay.
 BoardFit fitBoard(const BoardObservation& view, const Board& board, const StereoFit& fit);
 
 /// Whether the radial function grows all the way to the farthest corner of both pictures; else two

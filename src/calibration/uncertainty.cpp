@@ -7,24 +7,6 @@ namespace {
 
 constexpr double kDegrees = 180.0 / 3.14159265358979323846;
 
-/// Distortion coefficients that the model estimates, as places in D (k1 k2 p1 p2 k3 k4 k5 k6).
-std::vector<int> coefficients(Distortion distortion) {
-  switch (distortion) {
-    case Distortion::kK1:
-      return {0};
-    case Distortion::kK1K2:
-      return {0, 1};
-    case Distortion::kK1K2P1P2:
-      return {0, 1, 2, 3};
-    case Distortion::kRationalP1P2:
-      return {0, 1, 2, 3, 4, 5, 6, 7};
-    case Distortion::kK1K2P1P2K3:
-    case Distortion::kAutomatic:
-      break;
-  }
-  return {0, 1, 2, 3, 4};
-}
-
 std::vector<Parameter> valuesOf(const StereoFit& fit) {
   static const char* const kNames[] = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
   std::vector<Parameter> values;
@@ -35,7 +17,7 @@ std::vector<Parameter> valuesOf(const StereoFit& fit) {
     values.push_back({side + "fy", K.at<double>(1, 1), 0.0, "px"});
     values.push_back({side + "cx", K.at<double>(0, 2), 0.0, "px"});
     values.push_back({side + "cy", K.at<double>(1, 2), 0.0, "px"});
-    for (const int i : coefficients(fit.distortion)) {
+    for (const int i : coefficientsOf(fit.distortion)) {
       values.push_back({side + kNames[i], fit.D[eye].at<double>(i), 0.0, ""});
     }
   }

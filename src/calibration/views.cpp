@@ -42,16 +42,20 @@ const char* const kTakeMore =
     "corner of the picture";
 
 Eigen::Isometry3d pose(const cv::Mat& rotation, const cv::Mat& translation) {
-  cv::Mat R = rotation;
-  if (rotation.total() == 3) cv::Rodrigues(rotation, R);
-  Eigen::Matrix3d R_eigen;
+  Eigen::Matrix3d R;
   Eigen::Vector3d t;
-  cv::cv2eigen(R, R_eigen);
+  cv::cv2eigen(rotation, R);
   cv::cv2eigen(translation, t);
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = R_eigen;
+  T.linear() = R;
   T.translation() = t;
   return T;
+}
+
+Eigen::Isometry3d pose(const BoardPose& board) {
+  cv::Mat R;
+  cv::Rodrigues(board.rotation, R);
+  return pose(R, cv::Mat(board.translation));
 }
 
 ViewDiversity diversity(const Views& views, const Board& board, cv::Size size,
@@ -62,7 +66,7 @@ ViewDiversity diversity(const Views& views, const Board& board, cv::Size size,
   std::vector<Eigen::Isometry3d> poses, distinct;
   for (const BoardObservation* view : views) {
     const BoardFit fitted = fitBoard(*view, board, fit);
-    const Eigen::Isometry3d now = pose(fitted.rotation, fitted.translation);
+    const Eigen::Isometry3d now = pose(fitted.pose);
     for (const Eigen::Isometry3d& other : poses) {
       const double cosine = std::abs(now.linear().col(2).dot(other.linear().col(2)));
       d.tilt_deg = std::max(d.tilt_deg, std::acos(std::min(1.0, cosine)) * kDegrees);

@@ -8,8 +8,9 @@ namespace scanner::calibration {
 /// What to do about views that are too few or too alike.
 extern const char* const kTakeMore;
 
-/// From a rotation (3x1 vector or 3x3 matrix) and a translation, CV_64F.
+/// From a 3x3 rotation and a 3x1 translation, CV_64F.
 Eigen::Isometry3d pose(const cv::Mat& rotation, const cv::Mat& translation);
+Eigen::Isometry3d pose(const BoardPose& board);
 
 ViewDiversity diversity(const Views& views, const Board& board, cv::Size size,
                         const StereoFit& fit);
