@@ -131,8 +131,8 @@ System systemOf(const Views& views, const std::vector<cv::Point3d>& object, cons
 template <typename Matrix>
 Matrix damped(Matrix m, double damping) {
   // The smallest number keeps a parameter that no residual depends on where it is.
-  m.diagonal() = m.diagonal() * (1.0 + damping) + decltype(m.diagonal().eval())::Constant(
-                                                      m.rows(), 1e-12);
+  m.diagonal() =
+      m.diagonal() * (1.0 + damping) + decltype(m.diagonal().eval())::Constant(m.rows(), 1e-12);
   return m;
 }
 
@@ -155,8 +155,8 @@ Bundle stepped(const System& s, const Bundle& from, const Shared& shared, double
     to.K[eye] = from.K[eye].clone();
     to.D[eye] = from.D[eye].clone();
     Index at = static_cast<Index>(eye) * shared.perEye();
-    for (const auto& [row, column] : {std::pair(0, 0), std::pair(1, 1), std::pair(0, 2),
-                                      std::pair(1, 2)}) {
+    for (const auto& [row, column] :
+         {std::pair(0, 0), std::pair(1, 1), std::pair(0, 2), std::pair(1, 2)}) {
       to.K[eye].at<double>(row, column) += by[at++];
     }
     for (const int k : shared.coefficients) to.D[eye].at<double>(k) += by[at++];
@@ -164,8 +164,7 @@ Bundle stepped(const System& s, const Bundle& from, const Shared& shared, double
   step(to.rotation, by.segment<3>(shared.rig()));
   step(to.translation, by.segment<3>(shared.rig() + 3));
   for (std::size_t i = 0; i < to.poses.size(); ++i) {
-    const Vector6d pose =
-        own[i].solve(s.views[i].gradient - s.views[i].mixed.transpose() * by);
+    const Vector6d pose = own[i].solve(s.views[i].gradient - s.views[i].mixed.transpose() * by);
     step(to.poses[i].rotation, pose.head<3>());
     step(to.poses[i].translation, pose.tail<3>());
   }

@@ -9,8 +9,9 @@
 #include "scanner/calibration/stereo_calibration.h"
 
 /// Bundle adjustment of two cameras and the boards they see: Levenberg-Marquardt, the boards' poses
-/// eliminated by the Schur complement. OpenCV's stereoCalibrate() minimises the same sum, but through
-/// a LAPACK whose rounding depends on where matrices lie in memory, so that two runs differ.
+/// eliminated by the Schur complement. OpenCV's stereoCalibrate() minimises the same sum, but
+/// through a LAPACK whose rounding depends on where matrices lie in memory, so that two runs
+/// differ.
 namespace scanner::calibration {
 
 using Views = std::vector<const BoardObservation*>;
@@ -28,8 +29,8 @@ struct BoardPose {
 };
 
 struct Bundle {
-  std::array<cv::Mat, 2> K;  ///< 3x3 CV_64F
-  std::array<cv::Mat, 2> D;  ///< 1x5 or 1x8 CV_64F; what the model does not estimate is zero
+  std::array<cv::Mat, 2> K;         ///< 3x3 CV_64F
+  std::array<cv::Mat, 2> D;         ///< 1x5 or 1x8 CV_64F; what the model does not estimate is zero
   cv::Vec3d rotation, translation;  ///< left camera to right camera
   std::vector<BoardPose> poses;     ///< one per view
 };

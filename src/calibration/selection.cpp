@@ -43,19 +43,21 @@ double cornerSigma(const std::vector<StereoFit>& fits, cv::Size size) {
 struct Gain {
   double share = 0.0;   ///< of the error's RMS
   double px = 0.0;      ///< likewise, absolute
-  double sigmas = 0.0;  ///< mean of the paired differences by its standard error
+  double sigmas = 0.0;  ///< mean of the views' paired log ratios by its standard error
 };
 
 Gain gainOf(const Candidate& simple, const Candidate& rich) {
+  // Ratios, not differences: where one view near the edge gains most, it would widen the standard
+  // error of the differences so far that no gain of all views could ever count.
+  constexpr double kFloor = 1e-12;
   const double n = static_cast<double>(simple.held_out.size());
-  double mean = 0.0, squares = 0.0;
+  std::vector<double> ratios;
   for (std::size_t i = 0; i < simple.held_out.size(); ++i) {
-    mean += (simple.held_out[i] - rich.held_out[i]) / n;
+    ratios.push_back(std::log((simple.held_out[i] + kFloor) / (rich.held_out[i] + kFloor)));
   }
-  for (std::size_t i = 0; i < simple.held_out.size(); ++i) {
-    const double off = simple.held_out[i] - rich.held_out[i] - mean;
-    squares += off * off;
-  }
+  const double mean = std::accumulate(ratios.begin(), ratios.end(), 0.0) / n;
+  double squares = 0.0;
+  for (const double r : ratios) squares += (r - mean) * (r - mean);
   const double error = std::sqrt(squares / (n * (n - 1.0)));
   Gain gain;
   gain.px = simple.heldOutPx() - rich.heldOutPx();

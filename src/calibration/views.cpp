@@ -124,8 +124,8 @@ Status checkEyes(const StereoFit& fit) {
 Result<Screening> screen(const std::vector<BoardObservation>& observations, const Board& board,
                          cv::Size size, const StereoCalibrationOptions& options, int threads) {
   // The full polynomial, so that no view is blamed for what a simple model cannot follow.
-  const Distortion model =
-      options.distortion == Distortion::kAutomatic ? Distortion::kK1K2P1P2K3 : options.distortion;
+  const bool automatic = options.distortion == Distortion::kAutomatic;
+  const Distortion model = automatic ? Distortion::kK1K2P1P2K3 : options.distortion;
   Screening s;
   s.notes.resize(observations.size());
   for (const BoardObservation& o : observations) s.used.push_back(&o);
@@ -137,7 +137,12 @@ Result<Screening> screen(const std::vector<BoardObservation>& observations, cons
       return Status(StatusCode::kNoConvergence,
                     "the views do not determine the cameras: " + std::string(kTakeMore));
     }
-    const auto bad = findOutlier(s.used, board, size, *fit, options, threads);
+    auto bad = findOutlier(s.used, board, size, *fit, options, threads);
+    if (bad && automatic) {
+      // A wide lens that no polynomial follows is not the view's fault either.
+      const auto wide = fitStereo(s.used, board, size, Distortion::kRationalP1P2, nullptr);
+      if (wide) bad = findOutlier(s.used, board, size, *wide, options, threads);
+    }
     if (!bad) return s;
     if (observations.size() - s.used.size() == most) {
       return Status(

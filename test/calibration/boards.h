@@ -4,6 +4,7 @@
 #include <cmath>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <random>
 #include <string>
 #include <vector>
@@ -111,7 +112,7 @@ inline std::vector<Pose> chancePoses(const TrueRig& rig, const Board& board, std
   std::vector<Pose> poses;
   while (poses.size() < count) {
     const double z = between(spread.nearest_m, spread.farthest_m);
-    const cv::Vec3d middle(between(-0.6, 0.6) * z, between(-0.45, 0.45) * z, z);
+    const cv::Vec3d middle(between(-0.8, 0.8) * z, between(-0.6, 0.6) * z, z);
     const cv::Vec3d rotation(between(-tilt, tilt), between(-tilt, tilt), between(-0.3, 0.3));
     const Pose pose = poseAt(board, rotation, middle);
     if (inside(project(rig, 0, board, pose), where) &&
@@ -148,7 +149,8 @@ inline std::vector<BoardObservation> chanceViews(const TrueRig& rig, const Board
   return observations;
 }
 
-/// A picture of the board with a white border of one square on a grey desk, by 3x3 rays a pixel.
+/// A picture of the board with a white border of one square on a grey desk, by 3x3 rays a pixel and
+/// a lens that is not sharper than its pixels.
 inline cv::Mat render(const TrueRig& rig, int eye, const Board& board, const Pose& pose) {
   constexpr int kRays = 3;
   const auto e = static_cast<std::size_t>(eye);
@@ -160,9 +162,9 @@ inline cv::Mat render(const TrueRig& rig, int eye, const Board& board, const Pos
   cv::Rodrigues(rotation, R);
   // A ray (x, y, 1) meets the board's plane where H^-1 (x, y, 1) says.
   cv::Mat H;
-  cv::hconcat(std::vector<cv::Mat>{R.col(0) * board.square_m, R.col(1) * board.squareHeight(),
-                                   translation},
-              H);
+  cv::hconcat(
+      std::vector<cv::Mat>{R.col(0) * board.square_m, R.col(1) * board.squareHeight(), translation},
+      H);
   const cv::Matx33d to_board(cv::Mat(H.inv()));
   std::vector<cv::Point2d> pixels, rays;
   for (int i = 0; i < rig.size.area() * kRays * kRays; ++i) {
@@ -187,6 +189,7 @@ inline cv::Mat render(const TrueRig& rig, int eye, const Board& board, const Pos
     picture.at<uchar>(p / rig.size.width, p % rig.size.width) =
         cv::saturate_cast<uchar>(sum / (kRays * kRays));
   }
+  cv::GaussianBlur(picture, picture, {}, 0.7);
   return picture;
 }
 

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <opencv2/imgcodecs.hpp>
 
 #include "calibration/boards.h"
@@ -33,6 +34,12 @@ double furthest(const std::vector<cv::Point2f>& a, const std::vector<cv::Point2f
   return largest;
 }
 
+double rms(const std::vector<cv::Point2f>& a, const std::vector<cv::Point2f>& b) {
+  double squares = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) squares += (a[i] - b[i]).ddot(a[i] - b[i]);
+  return std::sqrt(squares / static_cast<double>(a.size()));
+}
+
 TEST(DetectBoard, CornersOfARenderedBoardAreSubPixel) {
   const TrueRig rig = smallRig();
   const Board board = boards::usualBoard();
@@ -46,8 +53,10 @@ TEST(DetectBoard, CornersOfARenderedBoardAreSubPixel) {
   std::reverse(turned.right.begin(), turned.right.end());
   const bool same = furthest(found->left, truth.left) < furthest(found->left, turned.left);
   const BoardObservation& expected = same ? truth : turned;
-  EXPECT_LT(furthest(found->left, expected.left), 0.12);
-  EXPECT_LT(furthest(found->right, expected.right), 0.12);
+  EXPECT_LT(furthest(found->left, expected.left), 0.2);
+  EXPECT_LT(furthest(found->right, expected.right), 0.2);
+  EXPECT_LT(rms(found->left, expected.left), 0.08);  // squares of 10 to 13 px
+  EXPECT_LT(rms(found->right, expected.right), 0.08);
   // The first pixel's middle is 0, 0: half a pixel would stand out here.
   cv::Point2f mean(0, 0);
   for (std::size_t i = 0; i < found->left.size(); ++i) mean += found->left[i] - expected.left[i];
@@ -83,7 +92,8 @@ TEST(CornerOrder, TurnedAndMirroredOrdersAreUndone) {
     BoardObservation mirrored = truth;  // both eyes row by row from the other side
     for (auto* points : {&mirrored.left, &mirrored.right}) {
       for (int r = 0; r < board.rows; ++r) {
-        std::reverse(points->begin() + r * board.columns, points->begin() + (r + 1) * board.columns);
+        std::reverse(points->begin() + r * board.columns,
+                     points->begin() + (r + 1) * board.columns);
       }
     }
     alignCornerOrder(board, mirrored);

@@ -64,7 +64,7 @@ INSTANTIATE_TEST_SUITE_P(
                       Naming{"cam0/data/5.pgm", "cam1/data/5.pgm", "*/data/5.pgm"},
                       Naming{"imageLeft3.tif", "imageRight3.tif", "image*3.tif"},
                       Naming{"L0001.bmp", "R0001.bmp", "*0001.bmp"}),
-    [](const auto& info) { return "n" + std::to_string(info.index); });
+    [](const auto& naming) { return "n" + std::to_string(naming.index); });
 
 TEST_F(Files, PairsComeInTheOrderOfTheirNumbersAndTheRestIsNamed) {
   for (const char* name : {"left10.png", "right10.png", "left9.png", "right9.png", "left11.png",
@@ -160,7 +160,7 @@ TEST(Report, JsonHoldsEveryResidual) {
   EXPECT_EQ(json["board"]["columns"].get<int>(), 9);
 }
 
-TEST(Pictures, RectifiedPairHasTheBoardInTheSameRows) {
+TEST(ReportPictures, RectifiedPairHasTheBoardInTheSameRows) {
   // Rows of the two halves' dark pixels: the board reaches from and to the same ones.
   const boards::TrueRig rig = boards::usualRig();
   const Board board = boards::usualBoard();
@@ -190,7 +190,7 @@ TEST(Pictures, RectifiedPairHasTheBoardInTheSameRows) {
   EXPECT_GT(box[0].x, box[1].x + 50);
 }
 
-TEST(Pictures, ResidualsOfLeftOutViewsAreRed) {
+TEST(ReportPictures, ResidualsOfLeftOutViewsAreRed) {
   const cv::Mat picture = residualPicture(sample());
   ASSERT_EQ(picture.size(), cv::Size(2 * 2 * 640, 2 * 480));
   const auto colorAt = [&](cv::Point2f p) {

@@ -68,7 +68,7 @@ TEST(Refusal, SwappedEyes) {
   const TrueRig rig = boards::usualRig();
   auto views = boards::chanceViews(rig, boards::usualBoard(), 8, 0.1, 5);
   for (BoardObservation& view : views) std::swap(view.left, view.right);
-  EXPECT_TRUE(refused(views, rig, StatusCode::kInvalidInput, {"swapped", "120."}));
+  EXPECT_TRUE(refused(views, rig, StatusCode::kInvalidInput, {"swapped", "mm to the left"}));
 }
 
 TEST(Refusal, EyesAboveEachOther) {

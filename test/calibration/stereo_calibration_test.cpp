@@ -169,8 +169,7 @@ TEST(CalibrateStereo, CalibrationRectifiesThePair) {
     at[eye] = rectified[0];
   }
   EXPECT_NEAR(at[0].y, at[1].y, 0.05);
-  const double depth =
-      c.focalLength() * c.baseline() / (at[0].x - at[1].x - c.disparityOffset());
+  const double depth = c.focalLength() * c.baseline() / (at[0].x - at[1].x - c.disparityOffset());
   const Eigen::Vector3d there = c.left.R * Eigen::Vector3d(point[0].x, point[0].y, point[0].z);
   EXPECT_NEAR(depth, there.z(), 0.005 * there.z());
 }

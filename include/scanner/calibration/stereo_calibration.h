@@ -10,8 +10,10 @@
 #include "scanner/core/status.h"
 
 /// Intrinsics and extrinsics of a stereo camera from pictures of a flat chessboard: Zhang, "A
-/// flexible new technique for camera calibration", PAMI 2000, as OpenCV implements it, with the
-/// choice of the distortion model, the search for bad views and the uncertainty on top.
+/// flexible new technique for camera calibration", PAMI 2000: corners, first guess and lens model
+/// by OpenCV, the bundle adjustment our own (the minimum of cv::stereoCalibrate, the same bytes on
+/// every run), with the choice of the distortion model, the search for bad views and the
+/// uncertainty on top.
 ///
 /// All functions are pure, may be called from several threads and give the same bytes on any number
 /// of threads.
@@ -49,7 +51,7 @@ const char* toString(Distortion distortion);
 
 struct StereoCalibrationOptions {
   Distortion distortion = Distortion::kAutomatic;
-  double corner_window_share = 0.25;
+  double corner_window_share = 0.35;
   int min_views = 5;
   double min_tilt_deg = 15.0;
   double min_coverage = 0.15;
@@ -158,12 +160,13 @@ struct StereoCalibrationReport {
 ///
 /// Model: taken is the simplest distortion model whose error on *held-out* views (12 groups at
 /// most; the board's pose is the only thing fitted to them) no richer one lowers by `min_gain` and
-/// by `min_gain_sigmas` standard errors of the paired difference; the rational model must do five
-/// and two times as well. A model whose radial function turns back inside the picture is never
+/// by `min_gain_sigmas` standard errors of the views' paired log ratios; the rational model must do
+/// five and two times as well. A model whose radial function turns back inside the picture is never
 /// taken.
 ///
-/// Views: a view is left out, and said so, when a calibration without it fits the others and
-/// misses it by `outlier_factor` times their error and by `outlier_min_px`.
+/// Views: a view is left out, and said so, when a calibration without it (of the full polynomial,
+/// and of the rational model) fits the others and misses it by `outlier_factor` times their error
+/// and by `outlier_min_px`.
 ///
 /// Rectification: the smallest alpha (cv::stereoRectify) that keeps `kept_share` of both pictures,
 /// while the rectified focal length stays within `max_focal_change` of the original.
