@@ -204,7 +204,7 @@ std::vector<int> coefficientsOf(Distortion distortion) {
     case Distortion::kK1K2P1P2:
       return {0, 1, 2, 3};
     case Distortion::kRationalP1P2:
-      return {0, 1, 2, 3, 4, 5, 6, 7};
+      return {0, 1, 2, 3, 5, 6};
     case Distortion::kK1K2P1P2K3:
     case Distortion::kAutomatic:
       break;

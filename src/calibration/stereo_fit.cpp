@@ -75,6 +75,11 @@ std::optional<StereoFit> fitStereo(const Views& views, const Board& board, cv::S
   for (cv::Mat& D : bundle.D) {
     cv::Mat longer = cv::Mat::zeros(1, length, CV_64F);
     D.copyTo(longer.colRange(0, D.cols));
+    if (start == nullptr && length == 8) {
+      // By the denominator: it has no pole where it starts, and fits that grow one are worthless.
+      longer.at<double>(5) = -longer.at<double>(0);
+      longer.at<double>(0) = 0.0;
+    }
     D = longer;
   }
   const double squares = adjust(views, board, distortion, bundle);

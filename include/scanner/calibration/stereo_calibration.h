@@ -38,12 +38,14 @@ void validate(const Board& board);
 /// Lens distortion, in the order of complexity. All are special cases of OpenCV's model and are
 /// written as plumb_bob (k1 k2 p1 p2 k3) or rational_polynomial (and k4 k5 k6).
 enum class Distortion {
-  kAutomatic,     ///< the simplest that the pictures support, see calibrateStereo()
-  kK1,            ///< k1
-  kK1K2,          ///< k1 k2
-  kK1K2P1P2,      ///< and decentring
-  kK1K2P1P2K3,    ///< plumb_bob in full
-  kRationalP1P2,  ///< k1 .. k6 and decentring
+  kAutomatic,   ///< the simplest that the pictures support, see calibrateStereo()
+  kK1,          ///< k1
+  kK1K2,        ///< k1 k2
+  kK1K2P1P2,    ///< and decentring
+  kK1K2P1P2K3,  ///< plumb_bob in full
+  /// k1 k2 over k4 k5, and decentring. Not k3 and k6: a third pair fits poles beside zeros, rings
+  /// of nonsense that no corner happens to see.
+  kRationalP1P2,
 };
 
 /// "k1", "k1_k2", "k1_k2_p1_p2", "k1_k2_p1_p2_k3", "rational", "automatic".
