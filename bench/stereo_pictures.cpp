@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "scanner/core/camera.h"
+#include "scanner/core/options.h"
 #include "scanner/stereo/stereo_processor.h"
 #include "scanner/stereo/suitability.h"
 #include "tools/run.h"
@@ -24,7 +26,7 @@ constexpr int kPictureHeight = 360;
 constexpr double kPointSize = 2.0;
 
 struct Request {
-  std::string rig, out = "stereo.png", method = "semi_global";
+  std::string rig, config, out = "stereo.png", method = "semi_global";
   std::vector<std::string> images;
   double yaw_deg = 20.0, pitch_deg = 10.0;
   int threads = 2;
@@ -45,6 +47,12 @@ StereoFrame readPair(const std::string& left, const std::string& right) {
 /// The settings for a scene of which nothing is known: the range that the pair shows.
 stereo::StereoOptions settings(const stereo::RectifiedPair& pair, const Request& request) {
   stereo::StereoOptions options;
+  if (!request.config.empty()) {
+    const ParameterTree tree = readYaml(request.config);
+    if (tree.is_object() && tree.contains("stereo")) {
+      loadOptions(tree["stereo"], "stereo", options);
+    }
+  }
   options.matcher.method =
       request.method == "block" ? stereo::MatchMethod::kBlock : stereo::MatchMethod::kSemiGlobal;
   const auto range = stereo::measureDisparities(pair, request.threads);
@@ -164,6 +172,8 @@ int main(int argc, char** argv) {
   app.add_option("RIG", request.rig, "rig file with cameras (calibrate_stereo)")->required();
   app.add_option("IMAGES", request.images, "left right left right ...")->required();
   app.add_option("--out", request.out, "picture to write")->capture_default_str();
+  app.add_option("--config", request.config,
+                 "YAML file with a block `stereo`; its method and range are not used");
   app.add_option("--method", request.method, "how to match")
       ->check(CLI::IsMember({"block", "semi_global"}))
       ->capture_default_str();

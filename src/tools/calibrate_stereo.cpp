@@ -79,6 +79,8 @@ int calibrate(const Request& request) {
                   folder.pairs, board, options, request.threads,
                   [&](auto done, auto total, const auto& name) { bar.show(done, total, name); }),
               request.folder);
+  for (const std::string& name : folder.unpaired) std::printf("no pair     %s\n", name.c_str());
+  for (const std::string& line : boards.skipped) std::printf("skipped     %s\n", line.c_str());
   const auto report = require(
       calibrateStereo(boards.observations, board, boards.image_size, options, request.threads),
       request.folder);
@@ -96,8 +98,6 @@ int calibrate(const Request& request) {
   json.close();
   if (!json) throw scanner::ConfigurationError("cannot write " + stem + ".report.json");
 
-  for (const std::string& name : folder.unpaired) std::printf("no pair     %s\n", name.c_str());
-  for (const std::string& line : boards.skipped) std::printf("skipped     %s\n", line.c_str());
   std::fputs(reportText(report).c_str(), stdout);
   return scanner::tools::kOk;
 }
@@ -126,5 +126,7 @@ int main(int argc, char** argv) {
   app.add_option("--config", request.config, "YAML file with a block `calibration`");
   app.add_option("--threads", request.threads, "the result does not depend on it")
       ->check(CLI::Range(1, 256));
+  // Pairs run side by side; OpenCV's own threads would only wait for each other.
+  cv::setNumThreads(1);
   return scanner::tools::run(app, argc, argv, [&] { return calibrate(request); });
 }

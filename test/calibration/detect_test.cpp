@@ -14,6 +14,9 @@ namespace {
 using boards::Pose;
 using boards::TrueRig;
 
+/// As calibrate_stereo does: many short loops of OpenCV's threads take long on a busy machine.
+const bool kOneThread = (cv::setNumThreads(1), true);
+
 /// The usual rig with half the pixels: quicker to render.
 TrueRig smallRig() {
   TrueRig rig = boards::usualRig();

@@ -80,8 +80,8 @@ TEST(Refusal, EyesAboveEachOther) {
 
 TEST(Refusal, PairsOfDifferentMoments) {
   const TrueRig rig = boards::usualRig();
-  auto views = boards::chanceViews(rig, boards::usualBoard(), 10, 0.1, 7);
-  const auto others = boards::chanceViews(rig, boards::usualBoard(), 10, 0.1, 8);
+  auto views = boards::chanceViews(rig, boards::usualBoard(), 6, 0.1, 7);
+  const auto others = boards::chanceViews(rig, boards::usualBoard(), 6, 0.1, 8);
   for (std::size_t i = 0; i < views.size(); ++i) views[i].right = others[i].right;
   const auto report = calibrateStereo(views, boards::usualBoard(), rig.size, {}, 2);
   ASSERT_FALSE(report);

@@ -84,6 +84,7 @@ class CalibrateStereo(unittest.TestCase):
         for name in names:
             self.assertIn(str(name), lines[0])
         self.assertFalse(self.out.exists())
+        return text
 
     def test_rig_pictures_and_report(self):
         code, text, error = self.calibrate(self.pictures)
@@ -120,9 +121,12 @@ class CalibrateStereo(unittest.TestCase):
         few.mkdir()
         for name in ("left1.png", "right1.png", "left2.png", "right2.png"):
             shutil.copy(self.pictures / name, few)
-        self.refused(few, names=[few, "too few views", "in 2", "at least 5"])
+        shutil.copy(few / "left1.png", few / "left3.png")
+        write_png(few / "right3.png", WIDTH, HEIGHT, lambda u, v: 120)
+        text = self.refused(few, names=[few, "too few views", "in 2", "at least 5"])
+        self.assertIn("*3.png: no whole board in the right picture", text)
         alike.mkdir()
-        for i in range(6):
+        for i in range(5):
             for side in ("left", "right"):
                 shutil.copy(few / f"{side}1.png", alike / f"{side}{i}.png")
         self.refused(alike, names=[alike, "too alike"])
