@@ -3,6 +3,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 
+#include "calibration/text.h"
 #include "scanner/calibration/calibration_files.h"
 #include "scanner/core/parallel.h"
 
@@ -30,9 +31,8 @@ std::string otherBoard(const std::vector<PicturePair>& pairs, const Board& board
                                         std::pair(board.columns + 1, board.rows + 1)}) {
       const Board other{columns, rows, board.square_m};
       if (columns < 3 || rows < 3 || detectBoard(gray, other, options).empty()) continue;
-      const std::string size = std::to_string(columns) + "x" + std::to_string(rows);
-      return "; they show one of " + size + ": a board is counted in inner corners, --board " +
-             size;
+      return format("; they show one of %dx%d: a board is counted in inner corners, --board %dx%d",
+                    columns, rows, columns, rows);
     }
   }
   return ": count its inner corners, and see that all of it and a white border are in both "

@@ -116,8 +116,9 @@ PictureFolder findPicturePairs(const std::string& folder) {
     pair.name = sided->key + extension;
     std::string& place = sided->side == 0 ? pair.left : pair.right;
     if (!place.empty()) {
-      throw ConfigurationError(folder + ": " + place + " and " + path +
-                               " are both the picture of one side and moment");
+      std::string message = folder;
+      message.append(": ").append(place).append(" and ").append(path);
+      throw ConfigurationError(message.append(" are both the picture of one side and moment"));
     }
     place = path;
   }

@@ -26,6 +26,7 @@ Views withoutGroup(const Views& views, std::size_t group, std::size_t groups) {
 
 double cornerSigma(const std::vector<StereoFit>& fits, cv::Size size) {
   std::vector<std::vector<cv::Point2d>> rays;
+  rays.reserve(fits.size());
   for (const StereoFit& fit : fits) rays.push_back(cornerRays(fit, size));
   double largest = 0.0;
   for (std::size_t corner = 0; corner < rays.front().size(); ++corner) {

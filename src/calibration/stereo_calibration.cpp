@@ -15,7 +15,8 @@ namespace scanner::calibration {
 namespace {
 
 Status checkObservations(const std::vector<BoardObservation>& observations, const Board& board) {
-  const auto wanted = static_cast<std::size_t>(board.columns * board.rows);
+  const auto wanted =
+      static_cast<std::size_t>(board.columns) * static_cast<std::size_t>(board.rows);
   for (const BoardObservation& o : observations) {
     if (o.left.size() != wanted || o.right.size() != wanted) {
       return {StatusCode::kInvalidInput, o.name + ": " + std::to_string(o.left.size()) + " and " +

@@ -35,9 +35,11 @@ std::vector<Parameter> valuesOf(const StereoFit& fit) {
 std::vector<Parameter> parametersOf(const Candidate& candidate) {
   std::vector<Parameter> parameters = valuesOf(candidate.fit);
   std::vector<std::vector<Parameter>> without;
+  without.reserve(candidate.without.size());
   for (const StereoFit& fit : candidate.without) without.push_back(valuesOf(fit));
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     std::vector<double> values;
+    values.reserve(without.size());
     for (const auto& group : without) values.push_back(group[i].value);
     parameters[i].sigma = jackknifeSigma(values);
   }

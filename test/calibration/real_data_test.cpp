@@ -84,6 +84,7 @@ TEST_F(RealDataCalibration, DistortionIsNotOverFitted) {
 
 TEST_F(RealDataCalibration, WrongPairingIsRefused) {
   auto& views = boards_.observations;
+  views.resize(7);
   std::rotate(views.begin(), views.begin() + 1, views.end());
   const auto moved = views;
   std::rotate(views.begin(), views.begin() + 1, views.end());
