@@ -6,6 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
+#include <ostream>
 
 #include "calibration/boards.h"
 #include "support/temporary_folder.h"
@@ -41,6 +42,8 @@ const StereoCalibrationReport& sample() {
 struct Naming {
   const char *left, *right, *name;
 };
+
+std::ostream& operator<<(std::ostream& out, const Naming& naming) { return out << naming.left; }
 
 class PairNames : public Files, public ::testing::WithParamInterface<Naming> {};
 
