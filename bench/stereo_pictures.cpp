@@ -135,6 +135,16 @@ cv::Mat row(const StereoCalibration& calibration, const Request& request, const 
               processor.options().matcher.min_disparity_px,
               processor.options().matcher.max_disparity_px, 100.0 * out->statistics.density,
               trouble ? "; " : "", trouble.line.c_str());
+  const stereo::MatchStatistics& match = out->statistics.match;
+  const auto percent = [&](std::size_t n) {
+    return 100.0 * static_cast<double>(n) / static_cast<double>(match.pixels);
+  };
+  std::printf(
+      "  %% removed as: untextured %.1f, ambiguous %.1f, outside %.1f, back and forth %.1f, "
+      "residual %.1f, precision %.1f, small surface %.1f\n",
+      percent(match.untextured), percent(match.ambiguous), percent(match.outside),
+      percent(match.back_and_forth), percent(match.refinement), percent(match.precision),
+      percent(match.surface));
   std::vector<cv::Mat> pictures{pair->left_color, disparityPicture(out->disparity),
                                 obliquePicture(out->cloud, calibration, request)};
   for (cv::Mat& picture : pictures) {

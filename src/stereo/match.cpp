@@ -18,6 +18,8 @@ namespace {
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 /// Uniform error of a whole-pixel disparity.
 constexpr double kWholePixelSigma = 0.2886751345948129;
+/// A flake is smaller than the smallest surface by this factor.
+constexpr int kFlakeShare = 4;
 /// Typical error of the fit of the cost.
 constexpr double kCostFitSigma = 0.15;
 
@@ -135,11 +137,14 @@ DisparityImage match(const RectifiedPair& pair, const MatcherOptions& options, i
   counts.outside += remove_outside();
   // Only the gradient gives every pixel a sigma of its own.
   if (v.precision && options.refinement.subpixel_refinement == SubpixelRefinement::kGradient) {
-    counts.precision = removeImprecise(sigma, v.max_sigma_px, disparity, threads);
+    const double limit =
+        std::max(v.max_sigma_px, v.max_sigma_medians * medianSigma(sigma, disparity, threads));
+    counts.precision = removeImprecise(sigma, limit, disparity, threads);
   }
-  // Again, because the tests since may have cut a surface into pieces.
+  // Again, for the flakes that the tests since have cut off; they passed as parts of large pieces.
   if (v.surface) {
-    counts.surface += removeSmallSurfaces(v.surface_step_px, v.surface_size_px, disparity, threads);
+    counts.surface +=
+        removeSmallSurfaces(v.surface_step_px, v.surface_size_px / kFlakeShare, disparity, threads);
   }
   sigma.setTo(kNan, ~(disparity == disparity));  // OpenCV: NaN != NaN is not always true
   counts.valid = valid(disparity);

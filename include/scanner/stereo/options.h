@@ -48,7 +48,7 @@ struct RefinementOptions {
   int final_smoothing_px = 5;
   int iterations = 2;
   double max_correction_px = 1.0;
-  double prefilter_sigma_px = 0.5;
+  double prefilter_sigma_px = 0.0;
   double image_noise = 1.0;
   double noise_gain = 0.65;
   double step_gain = 0.22;
@@ -65,9 +65,10 @@ struct ValidationOptions {
   bool back_and_forth = true;
   double back_and_forth_tolerance_px = 1.0;
   bool residual = true;
-  double max_residual_share = 0.05;
+  double max_residual_share = 0.4;
   bool precision = true;
   double max_sigma_px = 0.25;
+  double max_sigma_medians = 1.5;
   bool surface = true;
   double surface_step_px = 1.0;
   int surface_size_px = 200;
