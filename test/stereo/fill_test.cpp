@@ -40,6 +40,34 @@ TEST(Fill, WhatOneEyeAloneSeesLiesBehind) {
   EXPECT_EQ(differing(fill(disparity, guide, 1), truth), 0);
 }
 
+TEST(Fill, SlantedSurfacesGoOnIntoHoles) {
+  cv::Mat truth(50, 120, CV_32FC1);
+  for (int y = 0; y < truth.rows; ++y) {
+    for (int x = 0; x < truth.cols; ++x) {
+      truth.at<float>(y, x) = 20.0F + 0.1F * static_cast<float>(x) + 0.03F * static_cast<float>(y);
+    }
+  }
+  cv::Mat disparity = truth.clone();
+  disparity.colRange(0, 20).setTo(kNan);
+  disparity(cv::Rect(60, 10, 15, 30)).setTo(kNan);
+  const cv::Mat filled = fill(disparity, flatGuide(truth.size()), 2);
+  // The value at the end of the hole alone would be up to 2 px off.
+  EXPECT_LT(cv::norm(filled, truth, cv::NORM_INF), 1.2);
+  EXPECT_LT(cv::norm(filled.colRange(60, 75), truth.colRange(60, 75), cv::NORM_INF), 0.7);
+}
+
+/// Guesses do not outvote what was matched.
+TEST(Fill, MatchedPixelsHaveMoreSay) {
+  cv::Mat disparity(60, 80, CV_32FC1, cv::Scalar(10.0));
+  disparity.colRange(40, 80).setTo(30.0);
+  disparity.colRange(34, 40).setTo(kNan);  // filled with 10, though it looks like the right side
+  cv::Mat guide = flatGuide(disparity.size());
+  guide.colRange(34, 80).setTo(200);
+  cv::Mat expected = disparity.clone();
+  expected.colRange(34, 40).setTo(30.0);
+  EXPECT_EQ(differing(fill(disparity, guide, 1), expected), 0);
+}
+
 TEST(Fill, AStepMovesToTheEdgeOfThePicture) {
   const cv::Mat truth = step({80, 40});
   cv::Mat disparity = truth.clone();
