@@ -245,4 +245,17 @@ cv::Mat fill(const cv::Mat& disparity, const cv::Mat& guide, int threads) {
   return filled;
 }
 
+std::size_t interpolate(const cv::Mat& guide, const InterpolationOptions& options, int threads,
+                        cv::Mat& disparity, cv::Mat& sigma) {
+  const cv::Mat filled = fill(disparity, guide, threads);
+  const cv::Mat holes = ~(disparity == disparity);
+  cv::Mat distance;
+  cv::distanceTransform(holes, distance, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  const cv::Mat wanted = holes & (distance <= options.reach_px) & (filled == filled);
+  filled.copyTo(disparity, wanted);
+  cv::Mat doubt = distance * options.sigma_px;
+  doubt.copyTo(sigma, wanted);
+  return static_cast<std::size_t>(cv::countNonZero(wanted));
+}
+
 }  // namespace scanner::stereo

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <opencv2/core.hpp>
+
+#include "scanner/stereo/options.h"
 
 namespace scanner::stereo {
 
@@ -19,5 +22,12 @@ namespace scanner::stereo {
 /// Throws std::invalid_argument for sizes or types that do not suit. 10 to 20 microseconds for
 /// each filled pixel and each near a step.
 cv::Mat fill(const cv::Mat& disparity, const cv::Mat& guide, int threads);
+
+/// Gives pixels without disparity that are no further than `options.reach_px` from one with a
+/// disparity what fill() says, and a sigma of `options.sigma_px` for each pixel of that distance.
+/// Where there was a disparity, it and its sigma stay. `sigma` has the size and type of
+/// `disparity`. Returns how many were filled; errors and threads as fill().
+std::size_t interpolate(const cv::Mat& guide, const InterpolationOptions& options, int threads,
+                        cv::Mat& disparity, cv::Mat& sigma);
 
 }  // namespace scanner::stereo
