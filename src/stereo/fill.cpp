@@ -26,8 +26,76 @@ constexpr float kLeastWeight = 1e-3F;
 /// Neighbouring surfaces further apart are a step of depth.
 constexpr float kStepPx = 1.0F;
 
-/// Fills one row from what borders on its holes; false when it has no disparity.
-bool fillRow(float* row, int width) {
+/// Window of the plane that goes on into a hole.
+constexpr int kPlaneRadius = 10;
+/// Disparities of that window which belong to the surface of its centre: the difference that is let
+/// through there, more per pixel of distance, and the most.
+constexpr float kSurfaceStepPx = 1.0F, kSurfaceSlope = 0.1F, kMaxSurfaceStepPx = 3.0F;
+/// Draws the slope of what few pixels show towards 0, px^2.
+constexpr double kSlopeRidge = 300.0;
+constexpr double kMaxSlope = 0.5;
+/// What a filled pixel counts in the median, beside a matched one.
+constexpr float kFilledWeight = 0.3F;
+
+/// Disparity along a row: value at a pixel, and change per column.
+struct Slope {
+  float value, per_column;
+};
+
+/// Sums of a least-squares plane.
+struct PlaneSums {
+  double n = 0, x = 0, y = 0, z = 0, xx = 0, xy = 0, yy = 0, xz = 0, yz = 0;
+
+  void add(double u, double v, double w) {
+    n += 1.0;
+    x += u;
+    y += v;
+    z += w;
+    xx += u * u;
+    xy += u * v;
+    yy += v * v;
+    xz += u * w;
+    yz += v * w;
+  }
+  /// Value at the origin, and change along x.
+  std::pair<double, double> solve() const {
+    const double a = xx - x * x / n + kSlopeRidge, b = xy - x * y / n;
+    const double c = yy - y * y / n + kSlopeRidge;
+    const double e = xz - x * z / n, f = yz - y * z / n;
+    const double determinant = a * c - b * b;
+    const double along_x = (e * c - f * b) / determinant;
+    const double along_y = (a * f - b * e) / determinant;
+    return {(z - along_x * x - along_y * y) / n, along_x};
+  }
+};
+
+/// The surface at a pixel that has a disparity.
+Slope surfaceAt(const cv::Mat& disparity, int x, int y) {
+  const float here = disparity.at<float>(y, x);
+  PlaneSums sums;
+  const int top = std::max(0, y - kPlaneRadius);
+  const int bottom = std::min(disparity.rows - 1, y + kPlaneRadius);
+  const int first = std::max(0, x - kPlaneRadius);
+  const int last = std::min(disparity.cols - 1, x + kPlaneRadius);
+  for (int v = top; v <= bottom; ++v) {
+    const float* d = disparity.ptr<float>(v);
+    for (int u = first; u <= last; ++u) {
+      const int distance = std::max(std::abs(u - x), std::abs(v - y));
+      const float allowed = std::min(kMaxSurfaceStepPx,
+                                     kSurfaceStepPx + kSurfaceSlope * static_cast<float>(distance));
+      if (!(std::abs(d[u] - here) <= allowed)) continue;  // NaN too
+      sums.add(u - x, v - y, static_cast<double>(d[u]) - static_cast<double>(here));
+    }
+  }
+  const auto [offset, slope] = sums.solve();
+  return {here + static_cast<float>(offset),
+          static_cast<float>(std::clamp(slope, -kMaxSlope, kMaxSlope))};
+}
+
+/// Fills one row from the surfaces that border on its holes, up to disparity `most`; false when it
+/// has no disparity. `disparity` is the map before filling.
+bool fillRow(const cv::Mat& disparity, int y, float most, float* row) {
+  const int width = disparity.cols;
   bool any = false;
   for (int x = 0; x < width;) {
     if (!std::isnan(row[x])) {
@@ -37,9 +105,14 @@ bool fillRow(float* row, int width) {
     }
     int end = x;
     while (end < width && std::isnan(row[end])) ++end;
-    const float before = x > 0 ? row[x - 1] : kNan;
-    const float after = end < width ? row[end] : kNan;
-    std::fill(row + x, row + end, std::fmin(before, after));  // fmin: the one that is known
+    const Slope before = x > 0 ? surfaceAt(disparity, x - 1, y) : Slope{kNan, 0.0F};
+    const Slope after = end < width ? surfaceAt(disparity, end, y) : Slope{kNan, 0.0F};
+    for (int u = x; u < end; ++u) {
+      const float a = before.value + before.per_column * static_cast<float>(u - x + 1);
+      const float b = after.value + after.per_column * static_cast<float>(u - end);
+      const float behind = std::fmin(a, b);  // of one alone: that one
+      row[u] = std::isnan(behind) ? kNan : std::clamp(behind, 0.0F, most);
+    }
     x = end;
   }
   return any;
@@ -82,8 +155,9 @@ std::vector<float> weights(int channels) {
 
 class WeightedMedian {
  public:
-  WeightedMedian(const cv::Mat& disparity, const cv::Mat& guide)
-      : disparity_(disparity), guide_(guide), table_(weights(guide.channels())) {}
+  /// `holes`: 255 where the disparity was filled.
+  WeightedMedian(const cv::Mat& disparity, const cv::Mat& guide, const cv::Mat& holes)
+      : disparity_(disparity), guide_(guide), holes_(holes), table_(weights(guide.channels())) {}
 
   /// `samples` is scratch.
   float at(int x, int y, std::vector<std::pair<float, float>>& samples) const {
@@ -93,9 +167,11 @@ class WeightedMedian {
     float total = 0.0F;
     for (int v = std::max(0, y - kRadius); v <= std::min(disparity_.rows - 1, y + kRadius); ++v) {
       const float* d = disparity_.ptr<float>(v);
+      const std::uint8_t* filled = holes_.ptr<std::uint8_t>(v);
       for (int u = std::max(0, x - kRadius); u <= std::min(disparity_.cols - 1, x + kRadius); ++u) {
         const int distance = colorDistance(centre, guide_.ptr<std::uint8_t>(v, u), channels);
-        const float weight = table_[static_cast<std::size_t>(distance)];
+        const float weight =
+            table_[static_cast<std::size_t>(distance)] * (filled[u] != 0 ? kFilledWeight : 1.0F);
         if (weight < kLeastWeight) continue;
         samples.emplace_back(d[u], weight);
         total += weight;
@@ -113,6 +189,7 @@ class WeightedMedian {
  private:
   const cv::Mat& disparity_;
   const cv::Mat& guide_;
+  const cv::Mat& holes_;
   std::vector<float> table_;
 };
 
@@ -124,10 +201,11 @@ cv::Mat nearSteps(const cv::Mat& disparity) {
   return (most - least) > kStepPx;
 }
 
-cv::Mat sharpened(const cv::Mat& disparity, const cv::Mat& guide, const cv::Mat& chosen,
+cv::Mat sharpened(const cv::Mat& disparity, const cv::Mat& guide, const cv::Mat& holes,
                   int threads) {
   cv::Mat out = disparity.clone();
-  const WeightedMedian median(disparity, guide);
+  const cv::Mat chosen = holes | nearSteps(disparity);
+  const WeightedMedian median(disparity, guide, holes);
   parallelFor(static_cast<std::size_t>(disparity.rows), kRowsPerChunk, threads,
               [&](std::size_t begin, std::size_t end) {
                 std::vector<std::pair<float, float>> samples;
@@ -152,15 +230,32 @@ cv::Mat fill(const cv::Mat& disparity, const cv::Mat& guide, int threads) {
   }
   const cv::Mat holes = ~(disparity == disparity);  // OpenCV: NaN != NaN is not always true
   cv::Mat filled = disparity.clone();
+  if (cv::countNonZero(holes) == static_cast<int>(holes.total())) return filled;
+  double most = 0.0;
+  cv::minMaxLoc(disparity, nullptr, &most, nullptr, nullptr, ~holes);
   std::vector<bool> known;
   known.reserve(static_cast<std::size_t>(filled.rows));
-  for (int y = 0; y < filled.rows; ++y) known.push_back(fillRow(filled.ptr<float>(y), filled.cols));
-  if (std::none_of(known.begin(), known.end(), [](bool k) { return k; })) return filled;
+  for (int y = 0; y < filled.rows; ++y) {
+    known.push_back(fillRow(disparity, y, static_cast<float>(most), filled.ptr<float>(y)));
+  }
   fillEmptyRows(known, filled);
   for (int pass = 0; pass < kPasses; ++pass) {
-    filled = sharpened(filled, guide, holes | nearSteps(filled), threads);
+    filled = sharpened(filled, guide, holes, threads);
   }
   return filled;
+}
+
+std::size_t interpolate(const cv::Mat& guide, const InterpolationOptions& options, int threads,
+                        cv::Mat& disparity, cv::Mat& sigma) {
+  const cv::Mat filled = fill(disparity, guide, threads);
+  const cv::Mat holes = ~(disparity == disparity);
+  cv::Mat distance;
+  cv::distanceTransform(holes, distance, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  const cv::Mat wanted = holes & (distance <= options.reach_px) & (filled == filled);
+  filled.copyTo(disparity, wanted);
+  cv::Mat doubt = distance * options.sigma_px;
+  doubt.copyTo(sigma, wanted);
+  return static_cast<std::size_t>(cv::countNonZero(wanted));
 }
 
 }  // namespace scanner::stereo

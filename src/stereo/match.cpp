@@ -8,6 +8,7 @@
 #include <string>
 
 #include "scanner/core/parallel.h"
+#include "scanner/stereo/fill.h"
 #include "stereo/matcher.h"
 #include "stereo/refine.h"
 #include "stereo/validate.h"
@@ -147,6 +148,14 @@ DisparityImage match(const RectifiedPair& pair, const MatcherOptions& options, i
         removeSmallSurfaces(v.surface_step_px, v.surface_size_px / kFlakeShare, disparity, threads);
   }
   sigma.setTo(kNan, ~(disparity == disparity));  // OpenCV: NaN != NaN is not always true
+  if (options.interpolation.reach_px > 0.0) {
+    const cv::Mat& guide = pair.left_color.empty() ? pair.left_gray : pair.left_color;
+    counts.interpolated = interpolate(guide, options.interpolation, threads, disparity, sigma);
+    if (!pair.left_valid.empty()) {
+      disparity.setTo(kNan, pair.left_valid == 0);
+      sigma.setTo(kNan, pair.left_valid == 0);
+    }
+  }
   counts.valid = valid(disparity);
   if (statistics != nullptr) *statistics = counts;
   return {pair.stamp, disparity, sigma, static_cast<double>(options.min_disparity_px),

@@ -120,6 +120,14 @@ void describe(OptionVisitor& v, ValidationOptions& o) {
            "pixels that a surface must cover; a quarter of it after the later tests");
 }
 
+void describe(OptionVisitor& v, InterpolationOptions& o) {
+  v.option("reach_px", o.reach_px, {0.0, 10000.0}, "px",
+           "pixels without disparity this near to one that has some take a guess from their "
+           "surroundings: for dense pictures, not for measuring; slow; 0 is off");
+  v.option("sigma_px", o.sigma_px, {0.01, 100.0}, "px",
+           "standard deviation of a guess, for each pixel that it lies from a match");
+}
+
 void describe(OptionVisitor& v, MatcherOptions& o) {
   v.choice<MatchMethod>("method", o.method,
                         {{"block", MatchMethod::kBlock}, {"semi_global", MatchMethod::kSemiGlobal}},
@@ -132,6 +140,7 @@ void describe(OptionVisitor& v, MatcherOptions& o) {
   v.group("semi_global", o.semi_global, "method semi_global");
   v.group("refinement", o.refinement, "fraction of a pixel");
   v.group("validation", o.validation, "tests that drop pixels");
+  v.group("interpolation", o.interpolation, "guesses where no disparity is left");
 }
 
 void describe(OptionVisitor& v, RangeOptions& o) {

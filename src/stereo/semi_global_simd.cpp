@@ -40,8 +40,9 @@ HWY_INLINE void costPixel(const CellLayout& layout, const CostRow& row, std::siz
       const V8 difference = hn::Or(hn::SaturatedSub(left, right), hn::SaturatedSub(right, left));
       sum = hn::Add(sum, hn::Min(difference, hn::Set(d, static_cast<std::uint8_t>(row.limit[f]))));
     }
-    const V8 missing = hn::Or(hn::LoadU(d, row.right_outside + at), hn::LoadU(d, row.padding + i));
-    hn::StoreU(hn::Or(sum, missing), d, cost + i);
+    const V8 outside = hn::LoadU(d, row.right_outside + at);
+    sum = hn::Or(hn::AndNot(outside, sum), hn::And(outside, hn::Set(d, kOutsideCost)));
+    hn::StoreU(hn::Or(sum, hn::LoadU(d, row.padding + i)), d, cost + i);
   }
 }
 
@@ -219,22 +220,25 @@ HWY_INLINE void selectRight(const CellLayout& layout, const Selection& s, std::s
 
 HWY_INLINE void selectLeft(const CellLayout& layout, const Selection& s, std::size_t x,
                            const std::uint16_t* sums, std::uint16_t least) {
-  const std::size_t count = asSize(layout.count);
   const std::uint16_t none = static_cast<std::uint16_t>(s.paths * kNoCost);
   std::uint16_t* around = s.around + 3 * x;
   around[0] = around[1] = around[2] = none;
   s.index[x] = kNone;
   if (least >= none) return;
   const std::size_t best = firstEqual(sums, asSize(layout.padded), least);
+  const std::size_t min = asSize(layout.min_disparity);
+  if (min + best > x) return;  // the match lies outside
+  const std::size_t end = std::min(asSize(layout.count), x + 1 - min);
   around[1] = least;
   if (best > 0) around[0] = sums[best - 1];
-  if (best + 1 < count) around[2] = sums[best + 1];
+  if (best + 1 < end) around[2] = sums[best + 1];
   s.index[x] = static_cast<std::int16_t>(best);
   if (s.uniqueness_percent < 0) return;
   // A rival lies further than one disparity away, and is not worse by the margin.
   const int bound = least * (100 + s.uniqueness_percent) / 100 + 1;
   const std::uint16_t limit = static_cast<std::uint16_t>(std::min<int>(bound, none));
-  const std::size_t near = 1U + (around[0] < limit ? 1U : 0U) + (around[2] < limit ? 1U : 0U);
+  std::size_t near = around[0] < limit ? 2 : 1;
+  if (best + 1 < asSize(layout.padded) && sums[best + 1] < limit) ++near;
   if (countBelow(sums, asSize(layout.padded), limit) > near) s.index[x] = kAmbiguous;
 }
 

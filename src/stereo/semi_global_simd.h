@@ -11,6 +11,10 @@ namespace scanner::stereo::simd {
 constexpr int kCellAlignment = 64;
 /// Cost and path cost of a disparity that does not exist.
 constexpr std::uint8_t kNoCost = 255;
+/// Cost of a disparity whose match lies outside the right image: between that of a right match and
+/// that of a wrong one. The paths carry a surface on to where one eye alone sees it, instead of
+/// taking whichever accidental match still lies inside.
+constexpr std::uint8_t kOutsideCost = 10;
 constexpr int kMaxCensusPlanes = 8;
 
 /// Geometry that all kernels share.
@@ -31,7 +35,7 @@ struct CostRow {
   const std::uint8_t* left_value[2] = {};  ///< compared by their absolute difference
   const std::uint8_t* right_value[2] = {};
   int limit[2] = {};                            ///< of that difference
-  const std::uint8_t* right_outside = nullptr;  ///< 0 inside the image, kNoCost past it
+  const std::uint8_t* right_outside = nullptr;  ///< 0 inside the image, 255 past it
   const std::uint8_t* padding = nullptr;        ///< `padded` cells: 0 up to `count`, kNoCost after
   std::uint8_t* cost = nullptr;                 ///< out, width x padded
 };
@@ -63,7 +67,8 @@ struct SweepRow {
   std::uint16_t* sums_out = nullptr;       ///< width x padded, may be sums_in
 };
 
-/// Best disparity of each left and right pixel from the sums of all paths.
+/// Best disparity of each left and right pixel from the sums of all paths. A left pixel whose best
+/// match lies outside the right image has none.
 struct Selection {
   int paths = 0;
   int uniqueness_percent = -1;           ///< below 0: no test

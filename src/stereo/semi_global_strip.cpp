@@ -147,7 +147,7 @@ SemiGlobalStrip::SemiGlobalStrip(const simd::CellLayout& layout, const MatcherOp
       cells_(hwy::AllocateAligned<std::uint8_t>(cellBytes(layout))),
       sums_(hwy::AllocateAligned<std::uint16_t>(row_cells_ * sumRows(options_, rows))) {
   if (cost_ == nullptr || cells_ == nullptr || sums_ == nullptr) throw std::bad_alloc();
-  std::fill(outside_.begin() + layout.width, outside_.end(), simd::kNoCost);
+  std::fill(outside_.begin() + layout.width, outside_.end(), std::uint8_t{255});
   std::fill(padding_.begin() + layout.count, padding_.end(), simd::kNoCost);
   fillPenalties();
   selection_.paths = pathCount(options_);

@@ -227,6 +227,24 @@ TEST(Match, MasksHideWhatIsNotInTheRawImage) {
   EXPECT_GT(cv::countNonZero(image.disparity_px.rowRange(44, 76) > 0), 4000);
 }
 
+/// Guesses fill what no test let through, but nothing that the raw image does not show.
+TEST(Match, InterpolationFillsWhatIsLeft) {
+  RectifiedPair pair = makePair(200, 120, {20.0, 0.0, 0.0});
+  pair.left_valid = cv::Mat(120, 200, CV_8UC1, cv::Scalar(255));
+  pair.left_valid.rowRange(0, 40).setTo(0);
+  MatcherOptions options = optionsFor(10, 40);
+  const DisparityImage plain = match(pair, options, 1);
+  options.interpolation.reach_px = 1000.0;
+  const DisparityImage dense = match(pair, options, 2);
+  EXPECT_EQ(cv::countNonZero(dense.disparity_px.rowRange(0, 40) > 0), 0);
+  EXPECT_EQ(cv::countNonZero(dense.disparity_px.rowRange(40, 120) > 0), 80 * 200);
+  const cv::Mat matched = plain.disparity_px == plain.disparity_px;
+  EXPECT_EQ(cv::countNonZero((dense.disparity_px == plain.disparity_px) & matched),
+            cv::countNonZero(matched));
+  EXPECT_EQ(cv::countNonZero((dense.sigma_px >= 1.0) & ~matched),
+            80 * 200 - cv::countNonZero(matched));
+}
+
 TEST(Match, RefusesWhatCannotBeSearched) {
   const RectifiedPair pair = makePair(100, 60, {20.0, 0.0, 0.0});
   EXPECT_THROW(match(pair, optionsFor(10, 100), 1), ConfigurationError);

@@ -45,6 +45,7 @@ class PlainSemiGlobal {
 
  private:
   static constexpr int kMissing = 255;
+  static constexpr int kOutside = 10;
   static constexpr int kWarmUp = 32;
 
   static cv::Mat slope(const cv::Mat& image) {
@@ -61,7 +62,7 @@ class PlainSemiGlobal {
 
   int cost(int y, int x, int d) const {
     const int other = x - d, r = options_.semi_global.window_px / 2;
-    if (other < 0) return kMissing;
+    if (other < 0) return kOutside;
     int sum = 0;
     for (int dy = -r; dy <= r; ++dy) {
       for (int dx = -r; dx <= r; ++dx) {
@@ -140,7 +141,7 @@ class PlainSemiGlobal {
     result = std::numeric_limits<float>::quiet_NaN();
     const int best = static_cast<int>(std::min_element(sums, sums + n) - sums);
     const int least = sums[best];
-    if (least >= nothing) return;
+    if (least >= nothing || search_.min_px + best > x) return;
     if (options_.validation.uniqueness) {
       const int percent = static_cast<int>(std::lround(options_.validation.uniqueness_percent));
       for (int d = 0; d < n; ++d) {
@@ -152,7 +153,8 @@ class PlainSemiGlobal {
       }
     }
     const int before = best > 0 ? sums[best - 1] : nothing;
-    const int after = best + 1 < n ? sums[best + 1] : nothing;
+    const bool last = best + 1 == n || search_.min_px + best == x;
+    const int after = last ? nothing : sums[best + 1];
     const int highest = std::max(before, after);
     float fraction = 0.0F;
     if (highest < nothing && highest > least) {

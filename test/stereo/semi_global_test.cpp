@@ -255,7 +255,8 @@ TEST(SemiGlobal, DropsWhatIsAmbiguous) {
   EXPECT_LT(share(pair.right_gray), 0.02);
 }
 
-/// Columns near the left border keep the part of the range that is inside.
+/// Columns near the left border keep the part of the range that is inside, and those that have no
+/// match in it have no disparity rather than an accidental one.
 TEST(SemiGlobal, NothingPointsOutside) {
   const testing::DisparityPlane plane{12.0, 0.0, 0.0};
   const RectifiedPair pair = testing::makePair(150, 60, plane);
@@ -265,12 +266,27 @@ TEST(SemiGlobal, NothingPointsOutside) {
     for (int x = 0; x < 8; ++x) ASSERT_TRUE(isNan(found.left.at<float>(y, x)));
     for (int x = 8; x < 150; ++x) {
       const float d = found.left.at<float>(y, x);
+      if (isNan(d)) continue;
       ASSERT_GE(d, 7.5F);
       ASSERT_LT(std::lround(d), x + 1);
     }
     for (int x = 20; x < 140; ++x) ASSERT_NEAR(found.left.at<float>(y, x), 12.0F, 0.5F);
     for (int x = 150 - 8; x < 150; ++x) ASSERT_EQ(found.right.at<short>(y, x), kNoDisparity);
   }
+}
+
+/// Where the wall goes on past what the right eye sees, its disparity does as well: no match, and
+/// not whichever small disparity still points into the image.
+TEST(SemiGlobal, TheBandThatOneEyeAloneSeesHasNoMatch) {
+  const RectifiedPair pair = testing::makePair(180, 80, {30.0, 0.0, 0.0}, {2.0, 1.0, 0.0});
+  const Candidates found =
+      makeSemiGlobalMatcher(plainOptions())->match(pair.left_gray, pair.right_gray, {0, 50}, 2);
+  int accidental = 0;
+  for (int y = 5; y < 75; ++y) {
+    for (int x = 0; x < 28; ++x) accidental += isNan(found.left.at<float>(y, x)) ? 0 : 1;
+    for (int x = 36; x < 170; ++x) ASSERT_NEAR(found.left.at<float>(y, x), 30.0F, 1.0F);
+  }
+  EXPECT_LE(accidental, 70 * 28 / 50);
 }
 
 TEST(SemiGlobal, MemoryIsBounded) {

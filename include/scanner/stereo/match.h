@@ -19,6 +19,7 @@ struct MatchStatistics {
   std::size_t refinement = 0;      ///< sub-pixel step did not settle, or left too much residual
   std::size_t precision = 0;       ///< sigma above the limit
   std::size_t surface = 0;         ///< on a piece that is too small
+  std::size_t interpolated = 0;    ///< without disparity after all tests, and given a guess
   std::size_t valid = 0;
   std::size_t working_memory_bytes = 0;  ///< that the matcher may use at most
 };

@@ -74,6 +74,12 @@ struct ValidationOptions {
   int surface_size_px = 200;
 };
 
+/// Guesses for pixels without disparity, for dense pictures. Surfaces are measured without them.
+struct InterpolationOptions {
+  double reach_px = 0.0;
+  double sigma_px = 1.0;
+};
+
 struct MatcherOptions {
   MatchMethod method = MatchMethod::kBlock;
   int min_disparity_px = 100;
@@ -82,6 +88,7 @@ struct MatcherOptions {
   SemiGlobalOptions semi_global;
   RefinementOptions refinement;
   ValidationOptions validation;
+  InterpolationOptions interpolation;
 };
 
 enum class RangeMode { kFixed, kAutomatic };
@@ -135,6 +142,7 @@ void describe(OptionVisitor& v, BlockMatcherOptions& o);
 void describe(OptionVisitor& v, SemiGlobalOptions& o);
 void describe(OptionVisitor& v, RefinementOptions& o);
 void describe(OptionVisitor& v, ValidationOptions& o);
+void describe(OptionVisitor& v, InterpolationOptions& o);
 void describe(OptionVisitor& v, MatcherOptions& o);
 void describe(OptionVisitor& v, RangeOptions& o);
 void describe(OptionVisitor& v, DepthOptions& o);
