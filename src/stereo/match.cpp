@@ -138,9 +138,7 @@ DisparityImage match(const RectifiedPair& pair, const MatcherOptions& options, i
   counts.outside += remove_outside();
   // Only the gradient gives every pixel a sigma of its own.
   if (v.precision && options.refinement.subpixel_refinement == SubpixelRefinement::kGradient) {
-    const double limit =
-        std::max(v.max_sigma_px, v.max_sigma_medians * medianSigma(sigma, disparity, threads));
-    counts.precision = removeImprecise(sigma, limit, disparity, threads);
+    counts.precision = removeImprecise(sigma, v.max_sigma_px, disparity, threads);
   }
   // Again, for the flakes that the tests since have cut off; they passed as parts of large pieces.
   if (v.surface) {

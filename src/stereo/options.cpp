@@ -109,10 +109,7 @@ void describe(OptionVisitor& v, ValidationOptions& o) {
            "drop pixels whose disparity is too uncertain (needs "
            "subpixel_refinement gradient)");
   v.option("max_sigma_px", o.max_sigma_px, {0.01, 10.0}, "px",
-           "largest standard deviation of a disparity ...");
-  v.option("max_sigma_medians", o.max_sigma_medians, {0.0, 100.0}, "",
-           "... or so many times the picture's median of it, where that is more: noisy cameras and "
-           "rough calibrations keep most of what they see");
+           "largest standard deviation of a disparity");
   v.option("surface", o.surface, "drop small pieces of surface");
   v.option("surface_step_px", o.surface_step_px, {0.0, 100.0}, "px",
            "neighbours whose disparities differ by no more belong to one surface");

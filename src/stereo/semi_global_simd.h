@@ -11,10 +11,10 @@ namespace scanner::stereo::simd {
 constexpr int kCellAlignment = 64;
 /// Cost and path cost of a disparity that does not exist.
 constexpr std::uint8_t kNoCost = 255;
-/// Cost of a disparity whose match lies outside the right image: between that of a right match and
-/// that of a wrong one. The paths carry a surface on to where one eye alone sees it, instead of
-/// taking whichever accidental match still lies inside.
-constexpr std::uint8_t kOutsideCost = 10;
+/// Cost of a disparity whose match lies outside the right image: between that of a right match in a
+/// noisy picture and that of a wrong one. The paths carry a surface on to where one eye alone sees
+/// it, instead of taking whichever accidental match still lies inside.
+constexpr std::uint8_t kOutsideCost = 15;
 constexpr int kMaxCensusPlanes = 8;
 
 /// Geometry that all kernels share.

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <limits>
 #include <numeric>
-#include <utility>
 #include <vector>
 
 #include "scanner/core/parallel.h"
@@ -199,35 +198,6 @@ std::size_t removeInconsistent(const cv::Mat& right_disparity, double tolerance,
   return right_disparity.type() == CV_16SC1
              ? removeInconsistentOf<short>(right_disparity, limit, disparity, threads)
              : removeInconsistentOf<float>(right_disparity, limit, disparity, threads);
-}
-
-double medianSigma(const cv::Mat& sigma, const cv::Mat& disparity, int threads) {
-  constexpr std::size_t kBins = 1000;
-  constexpr float kBinPx = 0.005f;
-  const auto rows = static_cast<std::size_t>(disparity.rows);
-  std::vector<std::vector<std::size_t>> counts(chunkCount(rows, kRowsPerChunk));
-  parallelFor(rows, kRowsPerChunk, threads, [&](std::size_t begin, std::size_t end) {
-    std::vector<std::size_t> bins(kBins, 0);
-    for (std::size_t y = begin; y < end; ++y) {
-      const float* d = disparity.ptr<float>(static_cast<int>(y));
-      const float* s = sigma.ptr<float>(static_cast<int>(y));
-      for (int x = 0; x < disparity.cols; ++x) {
-        if (std::isnan(d[x]) || !(s[x] >= 0.0f)) continue;
-        const float bin = std::min(s[x] / kBinPx, static_cast<float>(kBins - 1));
-        ++bins[static_cast<std::size_t>(bin)];
-      }
-    }
-    counts[begin / kRowsPerChunk] = std::move(bins);
-  });
-  std::vector<std::size_t> all(kBins, 0);
-  for (const auto& bins : counts) {
-    for (std::size_t i = 0; i < kBins; ++i) all[i] += bins[i];
-  }
-  const std::size_t total = std::accumulate(all.begin(), all.end(), std::size_t{0});
-  if (total == 0) return 0.0;
-  std::size_t bin = 0;
-  for (std::size_t below = all[0]; 2 * below < total; below += all[bin]) ++bin;
-  return (static_cast<double>(bin) + 0.5) * static_cast<double>(kBinPx);
 }
 
 std::size_t removeImprecise(const cv::Mat& sigma, double max_sigma, cv::Mat& disparity,

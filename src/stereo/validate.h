@@ -18,9 +18,6 @@ std::size_t removeOutside(double min_disparity, double max_disparity, int margin
 std::size_t removeInconsistent(const cv::Mat& right_disparity, double tolerance, cv::Mat& disparity,
                                int threads = 1);
 
-/// Median sigma of the pixels that have a disparity, to 0.005 px and at most 5 px; 0 without any.
-double medianSigma(const cv::Mat& sigma, const cv::Mat& disparity, int threads = 1);
-
 /// Pixels whose sigma is above the limit, or NaN.
 std::size_t removeImprecise(const cv::Mat& sigma, double max_sigma, cv::Mat& disparity,
                             int threads = 1);

@@ -45,7 +45,7 @@ class PlainSemiGlobal {
 
  private:
   static constexpr int kMissing = 255;
-  static constexpr int kOutside = 10;
+  static constexpr int kOutside = 15;
   static constexpr int kWarmUp = 32;
 
   static cv::Mat slope(const cv::Mat& image) {

@@ -67,21 +67,6 @@ std::size_t removeSmallSurfacesSimply(float max_step, std::size_t min_size, cv::
   return removed;
 }
 
-TEST(Validate, MedianSigmaIsThatOfThePixelsWithADisparity) {
-  // Sigma 0.001, 0.002 ... 0.4 px where there is a disparity, 3 px where there is none.
-  cv::Mat disparity(200, 4, CV_32FC1, cv::Scalar(20.0)), sigma(200, 4, CV_32FC1, cv::Scalar(3.0));
-  disparity.colRange(2, 4).setTo(std::numeric_limits<float>::quiet_NaN());
-  for (int y = 0; y < 200; ++y) {
-    for (int x = 0; x < 2; ++x) sigma.at<float>(y, x) = 0.001f * static_cast<float>(2 * y + x + 1);
-  }
-  EXPECT_NEAR(medianSigma(sigma, disparity), 0.2, 0.005);
-  EXPECT_EQ(medianSigma(sigma, disparity, 1), medianSigma(sigma, disparity, 3));
-  sigma.setTo(100.0f);
-  EXPECT_NEAR(medianSigma(sigma, disparity), 5.0, 0.01);
-  disparity.setTo(std::numeric_limits<float>::quiet_NaN());
-  EXPECT_EQ(medianSigma(sigma, disparity), 0.0);
-}
-
 TEST(RemoveOutside, ChecksRangeMarginAndMasks) {
   //                 x: 0     1    2    3    4    5    6     7
   const cv::Mat all = row({0.4f, 1, 0, 4, 2, 9, kNan, 2.4f});

@@ -67,8 +67,7 @@ struct ValidationOptions {
   bool residual = true;
   double max_residual_share = 0.4;
   bool precision = true;
-  double max_sigma_px = 0.25;
-  double max_sigma_medians = 1.5;
+  double max_sigma_px = 0.35;
   bool surface = true;
   double surface_step_px = 1.0;
   int surface_size_px = 200;
