@@ -39,10 +39,14 @@ Rgb8 unpacked(const std::uint8_t* data) {
           static_cast<std::uint8_t>(bits)};
 }
 
-template <typename T>
-std::uint8_t* put(std::uint8_t* out, const T& value) {
+std::uint8_t* put(std::uint8_t* out, float value) {
   std::memcpy(out, &value, sizeof(value));
   return out + sizeof(value);
+}
+
+std::uint8_t* put(std::uint8_t* out, const Eigen::Vector3f& value) {
+  std::memcpy(out, value.data(), 3 * sizeof(float));
+  return out + 3 * sizeof(float);
 }
 
 const sensor_msgs::PointField* find(const sensor_msgs::PointCloud2& message, const char* name) {

@@ -31,8 +31,8 @@ class RowRing {
   const simd::PointPlanes* around(int v) {
     if (next_ < v - radius_) next_ = v - radius_;
     for (; next_ <= v + radius_; ++next_) load(next_);
-    for (int j = -radius_; j <= radius_; ++j) {
-      window_[static_cast<std::size_t>(j + radius_)] = planes(v + j);
+    for (int k = 0; k <= 2 * radius_; ++k) {
+      window_[static_cast<std::size_t>(k)] = planes(v - radius_ + k);
     }
     return window_.data();
   }
