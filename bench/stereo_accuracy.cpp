@@ -205,11 +205,19 @@ cv::Mat openCv(cv::StereoMatcher& matcher, int border, const stereo::RectifiedPa
   return out;
 }
 
-void measure(const std::string& scene, bool noise, const Arguments& a) {
+enum class Sensor { kIdeal, kNoiseFree, kReal };
+constexpr std::pair<Sensor, const char*> kSensors[] = {
+    {Sensor::kIdeal, "without noise and mosaic"},
+    {Sensor::kNoiseFree, "without noise"},
+    {Sensor::kReal, "with noise"},
+};
+
+void measure(const std::string& scene, Sensor sensor, const char* sensor_name, const Arguments& a) {
   simulation::SimulationOptions options;
-  if (!noise) {
+  if (sensor != Sensor::kReal) {
     options = simulation::noiseFree(options);
     options.render.samples = 16;  // few samples are noise too
+    if (sensor == Sensor::kIdeal) options.sensor.format = PixelFormat::kMono8;
   }
   const simulation::Simulation simulation(scene, options, 1, Time(), a.threads);
   simulation::RenderOptions unlit;
@@ -246,8 +254,7 @@ void measure(const std::string& scene, bool noise, const Arguments& a) {
     of_sgbm.add(view, openCv(*sgbm, border, view.pair), {});
     of_bm.add(view, openCv(*bm, border, view.pair), {});
   }
-  std::printf("%s, %s noise, %zu views\n", scene.c_str(), noise ? "with" : "without",
-              a.views.size());
+  std::printf("%s, %s, %zu views\n", scene.c_str(), sensor_name, a.views.size());
   std::printf("  %-18s %7s %7s %7s %8s %9s %7s %8s\n", "", "rms px", "median", "found %", "wrong %",
               "at step %", "peak", "bias px");
   print("block", of_block);
@@ -274,7 +281,9 @@ int main(int argc, char** argv) {
         "largest mean error of one true fraction; ratio: rms error over predicted sigma, by "
         "deciles\n\n");
     for (const std::string& scene : arguments.scenes) {
-      for (const bool noise : {false, true}) scanner::measure(scene, noise, arguments);
+      for (const auto& [sensor, name] : scanner::kSensors) {
+        scanner::measure(scene, sensor, name, arguments);
+      }
     }
   } catch (const std::exception& e) {
     std::fprintf(stderr, "stereo_accuracy: %s\n", e.what());
