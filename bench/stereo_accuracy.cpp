@@ -172,8 +172,10 @@ void print(const char* name, Record& record) {
               percent(record.wrong_near_step, record.near_step), peak, bias);
 }
 
-/// Measured over predicted in every decile of the predicted sigma.
-void printSigma(const char* name, std::vector<Sample> samples) {
+/// Measured over predicted in every decile of the predicted sigma, and the rms error of the surest
+/// pixels when only part of those that could be found is kept.
+void printSigma(const char* name, const Record& record) {
+  std::vector<Sample> samples = record.inliers;
   std::sort(samples.begin(), samples.end(),
             [](const Sample& a, const Sample& b) { return a.sigma < b.sigma; });
   std::string ratios, sigmas;
@@ -192,6 +194,14 @@ void printSigma(const char* name, std::vector<Sample> samples) {
     ratios += text;
   }
   std::printf("  %-18s sigma%s\n  %-18s ratio%s\n", name, sigmas.c_str(), "", ratios.c_str());
+  std::printf("  %-18s surest", "");
+  for (const std::size_t kept : {40, 50, 60, 70, 80}) {
+    const std::size_t count = record.possible * kept / 100;
+    if (count > samples.size()) break;
+    const auto end = samples.begin() + static_cast<std::ptrdiff_t>(count);
+    std::printf("  %zu %%: %.4f", kept, inlierRms({samples.begin(), end}));
+  }
+  std::printf("\n");
 }
 
 /// Columns whose range leaves the image are searched too, thanks to a border.
@@ -261,8 +271,8 @@ void measure(const std::string& scene, Sensor sensor, const char* sensor_name, c
   print("semi_global", of_semi_global);
   print("OpenCV StereoBM", of_bm);
   print("OpenCV StereoSGBM", of_sgbm);
-  printSigma("block", of_block.inliers);
-  printSigma("semi_global", of_semi_global.inliers);
+  printSigma("block", of_block);
+  printSigma("semi_global", of_semi_global);
   std::printf("  rms / StereoSGBM's: block %.2f, semi_global %.2f\n\n",
               inlierRms(of_block.inliers) / inlierRms(of_sgbm.inliers),
               inlierRms(of_semi_global.inliers) / inlierRms(of_sgbm.inliers));
@@ -279,7 +289,8 @@ int main(int argc, char** argv) {
         "rms, median: of errors below 1 px; wrong: of 1 px and more; at step: the same within\n"
         "10 px of a depth edge; peak: fullest of 8 bins of the fraction, over the truth's; bias:\n"
         "largest mean error of one true fraction; ratio: rms error over predicted sigma, by "
-        "deciles\n\n");
+        "deciles;\n"
+        "surest: rms of so many of all pixels, by sigma\n\n");
     for (const std::string& scene : arguments.scenes) {
       for (const auto& [sensor, name] : scanner::kSensors) {
         scanner::measure(scene, sensor, name, arguments);

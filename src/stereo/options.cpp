@@ -87,6 +87,8 @@ void describe(OptionVisitor& v, RefinementOptions& o) {
       "for sigma: part of the mean square over the window of what the last smoothing took off");
   v.option("floor_px", o.floor_px, {0.0, 1.0}, "px",
            "error that more texture does not lessen: alignment of the two images");
+  v.option("tail_px", o.tail_px, {0.01, 100.0}, "px",
+           "for sigma: where the three parts make this, wrong pixels among them add as much again");
 }
 
 void describe(OptionVisitor& v, ValidationOptions& o) {

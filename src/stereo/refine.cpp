@@ -262,6 +262,7 @@ void finish(const RoughnessFill& roughness, const Precision& precision, const Pl
     row.step_gain = static_cast<float>(o.step_gain);
     row.roughness_gain = static_cast<float>(o.roughness_gain);
     row.floor_variance = static_cast<float>(o.floor_px * o.floor_px);
+    row.inverse_tail = static_cast<float>(1.0 / (o.tail_px * o.tail_px));
     row.max_correction = static_cast<float>(o.max_correction_px);
     row.disparity = out.row(0);
     row.sigma = out.row(1);

@@ -209,7 +209,9 @@ void finishRow(const FinishRow& row) {
     const Vf noise = hn::Mul(set(row.noise_gain), hn::LoadU(d, row.variance + x));
     const Vf shape =
         hn::Add(hn::Mul(set(row.step_gain), steps), hn::Mul(set(row.roughness_gain), changes));
-    const Vf variance = hn::Add(hn::Add(noise, shape), set(row.floor_variance));
+    const Vf fitted = hn::Add(hn::Add(noise, shape), set(row.floor_variance));
+    const Vf tail = hn::Mul(fitted, set(row.inverse_tail));
+    const Vf variance = hn::Mul(fitted, hn::Add(set(1.0f), tail));
     const Vf refined = hn::LoadU(d, row.refined + x);
     const Vf moved = hn::Abs(hn::Sub(refined, hn::LoadU(d, row.start + x)));
     const auto good = hn::And(hn::Le(moved, set(row.max_correction)), hn::Eq(variance, variance));

@@ -60,6 +60,7 @@ struct FinishRow {
   int window = 0;
   float noise_gain = 0.0f, step_gain = 0.0f, roughness_gain = 0.0f;
   float floor_variance = 0.0f;  ///< px^2
+  float inverse_tail = 0.0f;    ///< 1 / tail_px^2
   float max_correction = 0.0f;  ///< px
   float* disparity = nullptr;   ///< result, NaN where it is given up
   float* sigma = nullptr;       ///< likewise

@@ -86,10 +86,11 @@ class Reference {
           step2 += moved * moved;
           change2 += change * change;
         });
-        sigma.at<double>(y, x) =
-            std::sqrt(o_.noise_gain * variance.at<double>(y, x) +
-                      (o_.step_gain * step2 + o_.roughness_gain * change2) / std::max(n, 1.0) +
-                      o_.floor_px * o_.floor_px);
+        const double fitted =
+            o_.noise_gain * variance.at<double>(y, x) +
+            (o_.step_gain * step2 + o_.roughness_gain * change2) / std::max(n, 1.0) +
+            o_.floor_px * o_.floor_px;
+        sigma.at<double>(y, x) = std::sqrt(fitted * (1.0 + fitted / (o_.tail_px * o_.tail_px)));
       }
     }
   }

@@ -50,10 +50,11 @@ struct RefinementOptions {
   double max_correction_px = 1.0;
   double prefilter_sigma_px = 0.0;
   double image_noise = 1.0;
-  double noise_gain = 0.65;
-  double step_gain = 0.22;
-  double roughness_gain = 1.8;
-  double floor_px = 0.02;
+  double noise_gain = 0.38;
+  double step_gain = 0.66;
+  double roughness_gain = 0.64;
+  double floor_px = 0.028;
+  double tail_px = 0.4;
 };
 
 /// Every test can be switched off on its own. A pixel that fails one has no disparity.
