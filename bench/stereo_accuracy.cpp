@@ -1,99 +1,35 @@
-// How accurate is the fraction of a pixel, and is sigma true? Simulated pairs with exact disparity,
-// ours beside OpenCV. Prints one line for each matcher, over all views of a scene.
-//
-//   stereo_accuracy [--views 0,12,25,38] [--threads 2] [--max-sigma PX] [--max-residual SHARE]
-//                   [SCENE ...]            SCENE: artwork, totem, target or a mesh file
+// How accurate is the fraction of a pixel, and is sigma true? Pairs of known disparity, simulated
+// or recorded, ours beside OpenCV. Prints one line for each matcher, over all views of a scene.
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <exception>
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
-#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "scanner/simulation/simulation.h"
+#include "accuracy_views.h"
 #include "scanner/stereo/match.h"
+#include "tools/run.h"
 
 namespace scanner {
 namespace {
 
 constexpr int kMinDisparity = 80, kMaxDisparity = 335;
 constexpr double kInlierPx = 1.0;
-/// A true step of this many pixels between neighbours is a depth edge; its surroundings are judged
-/// on their own.
-constexpr double kStepPx = 3.0;
-constexpr int kNearStepPx = 10;
 constexpr int kBins = 8;
 
 struct Arguments {
-  std::vector<std::string> scenes;
+  std::vector<std::string> scenes{"artwork", "totem"};
+  bench::Recording recording;
   std::vector<int> views{0, 12, 25, 38};
   int threads = 2;
   double max_sigma = stereo::ValidationOptions().max_sigma_px;
   double max_residual_share = stereo::ValidationOptions().max_residual_share;
 };
-
-Arguments parse(int argc, char** argv) {
-  Arguments a;
-  for (int i = 1; i < argc; ++i) {
-    const std::string word = argv[i];
-    const auto value = [&]() -> std::string {
-      if (i + 1 >= argc) throw std::invalid_argument(word + " needs a value");
-      return argv[++i];
-    };
-    if (word == "--threads") {
-      a.threads = std::stoi(value());
-    } else if (word == "--max-sigma") {
-      a.max_sigma = std::stod(value());
-    } else if (word == "--max-residual") {
-      a.max_residual_share = std::stod(value());
-    } else if (word == "--views") {
-      a.views.clear();
-      std::istringstream list(value());
-      for (std::string view; std::getline(list, view, ',');) a.views.push_back(std::stoi(view));
-    } else if (word.rfind("--", 0) == 0) {
-      throw std::invalid_argument("unknown option " + word);
-    } else {
-      a.scenes.push_back(word);
-    }
-  }
-  if (a.scenes.empty()) a.scenes = {"artwork", "totem"};
-  return a;
-}
-
-/// A rectified pair, the exact disparity of the object (NaN elsewhere) and where it has steps.
-struct View {
-  stereo::RectifiedPair pair;
-  cv::Mat truth, near_step;
-};
-
-View makeView(const simulation::Simulation& simulation, const simulation::Renderer& renderer,
-              int index) {
-  const StereoCalibration& cameras = simulation.rig().calibration;
-  View view;
-  auto pair = stereo::Rectifier(cameras).rectify(simulation.frame(index));
-  if (!pair) throw std::runtime_error(pair.status().message());
-  view.pair = *pair;
-  const Eigen::Isometry3d T_map_camera =
-      simulation.motion().at(simulation.viewTime(index)).T_map_base *
-      simulation.rig().T_base_camera;
-  const double fb = cameras.focalLength() * cameras.baseline();
-  view.truth = fb / renderer.rectifiedDepth(cameras.left, T_map_camera, true);
-  cv::Mat all = fb / renderer.rectifiedDepth(cameras.left, T_map_camera, false);
-  all.setTo(0.0f, ~(all == all));
-  cv::Mat high, low;
-  cv::dilate(all, high, cv::Mat());
-  cv::erode(all, low, cv::Mat());
-  const int side = 2 * kNearStepPx + 1;
-  cv::dilate((high - low) > kStepPx, view.near_step, cv::Mat::ones(side, side, CV_8UC1));
-  return view;
-}
 
 struct Sample {
   float truth, found, sigma;
@@ -104,7 +40,7 @@ struct Record {
   std::vector<Sample> inliers;
   std::size_t possible = 0, found = 0, near_step = 0, wrong_near_step = 0;
 
-  void add(const View& view, const cv::Mat& disparity, const cv::Mat& sigma) {
+  void add(const bench::AccuracyView& view, const cv::Mat& disparity, const cv::Mat& sigma) {
     for (int y = 0; y < disparity.rows; ++y) {
       for (int x = 0; x < disparity.cols; ++x) {
         const float truth = view.truth.at<float>(y, x), d = disparity.at<float>(y, x);
@@ -215,25 +151,16 @@ cv::Mat openCv(cv::StereoMatcher& matcher, int border, const stereo::RectifiedPa
   return out;
 }
 
-enum class Sensor { kIdeal, kNoiseFree, kReal };
+using bench::AccuracyView;
+using bench::Sensor;
+
 constexpr std::pair<Sensor, const char*> kSensors[] = {
     {Sensor::kIdeal, "without noise and mosaic"},
     {Sensor::kNoiseFree, "without noise"},
     {Sensor::kReal, "with noise"},
 };
 
-void measure(const std::string& scene, Sensor sensor, const char* sensor_name, const Arguments& a) {
-  simulation::SimulationOptions options;
-  if (sensor != Sensor::kReal) {
-    options = simulation::noiseFree(options);
-    options.render.samples = 16;  // few samples are noise too
-    if (sensor == Sensor::kIdeal) options.sensor.format = PixelFormat::kMono8;
-  }
-  const simulation::Simulation simulation(scene, options, 1, Time(), a.threads);
-  simulation::RenderOptions unlit;
-  unlit.sky_occlusion = false;
-  const simulation::Renderer renderer(simulation.scene(), unlit, a.threads);
-
+void measure(const std::string& title, const std::vector<AccuracyView>& views, const Arguments& a) {
   stereo::MatcherOptions block, semi_global;
   for (stereo::MatcherOptions* o : {&block, &semi_global}) {
     o->min_disparity_px = kMinDisparity;
@@ -254,8 +181,7 @@ void measure(const std::string& scene, Sensor sensor, const char* sensor_name, c
   bm->setDisp12MaxDiff(1);
 
   Record of_block, of_semi_global, of_sgbm, of_bm;
-  for (const int index : a.views) {
-    const View view = makeView(simulation, renderer, index);
+  for (const AccuracyView& view : views) {
     const DisparityImage b = stereo::match(view.pair, block, a.threads, nullptr);
     of_block.add(view, b.disparity_px, b.sigma_px);
     const DisparityImage s = stereo::match(view.pair, semi_global, a.threads, nullptr);
@@ -264,7 +190,7 @@ void measure(const std::string& scene, Sensor sensor, const char* sensor_name, c
     of_sgbm.add(view, openCv(*sgbm, border, view.pair), {});
     of_bm.add(view, openCv(*bm, border, view.pair), {});
   }
-  std::printf("%s, %s, %zu views\n", scene.c_str(), sensor_name, a.views.size());
+  std::printf("%s, %zu views\n", title.c_str(), views.size());
   std::printf("  %-18s %7s %7s %7s %8s %9s %7s %8s\n", "", "rms px", "median", "found %", "wrong %",
               "at step %", "peak", "bias px");
   print("block", of_block);
@@ -279,26 +205,50 @@ void measure(const std::string& scene, Sensor sensor, const char* sensor_name, c
   std::fflush(stdout);
 }
 
+int measureAll(const Arguments& a) {
+  std::printf(
+      "rms, median: of errors below 1 px; wrong: of 1 px and more; at step: the same within\n"
+      "10 px of a depth edge; peak: fullest of 8 bins of the fraction, over the truth's; bias:\n"
+      "largest mean error of one true fraction; ratio: rms error over predicted sigma, by "
+      "deciles;\n"
+      "surest: rms of so many of all pixels, by sigma\n\n");
+  if (!a.recording.bag.empty()) {
+    measure(a.recording.bag, bench::recordedViews(a.recording, a.views, a.threads), a);
+    return 0;
+  }
+  for (const std::string& scene : a.scenes) {
+    for (const auto& [sensor, name] : kSensors) {
+      measure(scene + ", " + name, bench::simulatedViews(scene, sensor, a.views, a.threads), a);
+    }
+  }
+  return 0;
+}
+
 }  // namespace
 }  // namespace scanner
 
 int main(int argc, char** argv) {
-  try {
-    const scanner::Arguments arguments = scanner::parse(argc, argv);
-    std::printf(
-        "rms, median: of errors below 1 px; wrong: of 1 px and more; at step: the same within\n"
-        "10 px of a depth edge; peak: fullest of 8 bins of the fraction, over the truth's; bias:\n"
-        "largest mean error of one true fraction; ratio: rms error over predicted sigma, by "
-        "deciles;\n"
-        "surest: rms of so many of all pixels, by sigma\n\n");
-    for (const std::string& scene : arguments.scenes) {
-      for (const auto& [sensor, name] : scanner::kSensors) {
-        scanner::measure(scene, sensor, name, arguments);
-      }
-    }
-  } catch (const std::exception& e) {
-    std::fprintf(stderr, "stereo_accuracy: %s\n", e.what());
-    return 1;
-  }
-  return 0;
+  scanner::Arguments arguments;
+  CLI::App app("Error of the disparities, and of their sigma, where the truth is known.",
+               "stereo_accuracy");
+  app.add_option("SCENES", arguments.scenes, "artwork, totem, target or mesh files: simulated")
+      ->capture_default_str();
+  CLI::Option* bag = app.add_option("--recording", arguments.recording.bag, "bag to use instead");
+  CLI::Option* reference =
+      app.add_option("--reference", arguments.recording.reference, "PLY of its object, map frame")
+          ->needs(bag);
+  CLI::Option* truth =
+      app.add_option("--truth", arguments.recording.truth, "TUM of base_link in map")->needs(bag);
+  bag->needs(reference)->needs(truth);
+  app.add_option("--views", arguments.views, "numbers of the pairs")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--max-sigma", arguments.max_sigma, "px; pixels of a larger sigma are dropped")
+      ->capture_default_str();
+  app.add_option("--max-residual", arguments.max_residual_share, "validation.max_residual_share")
+      ->capture_default_str();
+  app.add_option("--threads", arguments.threads, "threads to use")
+      ->check(CLI::Range(1, 256))
+      ->capture_default_str();
+  return scanner::tools::run(app, argc, argv, [&] { return scanner::measureAll(arguments); });
 }
