@@ -68,7 +68,7 @@ struct ValidationOptions {
   bool residual = true;
   double max_residual_share = 0.4;
   bool precision = true;
-  double max_sigma_px = 0.35;
+  double max_sigma_px = 0.45;
   bool surface = true;
   double surface_step_px = 1.0;
   int surface_size_px = 200;
