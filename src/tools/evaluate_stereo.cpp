@@ -31,15 +31,29 @@ struct Request {
   bool fill = true;
 };
 
-scanner::stereo::MatcherOptions loadOptions(const std::string& config) {
-  if (config.empty()) return {};
-  return scanner::pipeline::loadConfig(scanner::bridge::configPath(config)).stereo.matcher;
+/// Of one of our methods: what the user names, else what suits such pictures.
+std::string configOf(const Request& request, const std::string& method) {
+  if (!request.config.empty()) return request.config;
+  return method == "ours_block" ? "middlebury_block" : "middlebury";
+}
+
+StereoMethod makeMethod(const Request& request, const std::string& name) {
+  const int window = name == "bm" ? request.bm_window : request.sgbm_window;
+  const bool ours = name == "ours_block" || name == "ours_semi_global";
+  if (!ours) return scanner::tools::stereoMethod(name, {}, window);
+  const std::string config = configOf(request, name);
+  StereoMethod method = scanner::tools::stereoMethod(
+      name, scanner::pipeline::loadConfig(scanner::bridge::configPath(config)).stereo.matcher,
+      window);
+  method.settings += " " + config;
+  if (method.options.interpolation.reach_px > 0.0) method.settings += ", holes filled";
+  return method;
 }
 
 void printHead(const Request& request, const std::vector<StereoMethod>& methods) {
   std::printf(
-      "%d threads, times are wall time, best of %d; shares are of the pixels of known "
-      "disparity\n",
+      "%d threads, times are wall time without filling holes, best of %d; shares are of the pixels "
+      "of known disparity\n",
       request.threads, request.repetitions);
   for (const StereoMethod& method : methods) {
     std::printf("  %-17s  %s\n", method.name.c_str(), method.settings.c_str());
@@ -70,9 +84,9 @@ CLI::Validator oddWindow(int least) {
   return CLI::Validator(check, "ODD");
 }
 
-std::vector<scanner::tools::SceneResult> measureScenes(
-    const Request& request, const std::vector<std::string>& folders,
-    const std::vector<StereoMethod>& methods, const scanner::stereo::MatcherOptions& options) {
+std::vector<scanner::tools::SceneResult> measureScenes(const Request& request,
+                                                       const std::vector<std::string>& folders,
+                                                       const std::vector<StereoMethod>& methods) {
   scanner::tools::ProgressBar bar("evaluate_stereo");
   std::vector<scanner::tools::SceneResult> results;
   for (const std::string& folder : folders) {
@@ -81,7 +95,7 @@ std::vector<scanner::tools::SceneResult> measureScenes(
     std::vector<StereoRun> runs;
     runs.reserve(methods.size());
     for (const StereoMethod& method : methods) {
-      runs.push_back(runStereo(method, *scene, options, request.threads, request.repetitions));
+      runs.push_back(runStereo(method, *scene, request.threads, request.repetitions));
       if (request.fill) fillRun(*scene, request.threads, runs.back());
     }
     results.push_back(measureScene(*scene, methods, runs));
@@ -97,17 +111,13 @@ std::vector<scanner::tools::SceneResult> measureScenes(
 }
 
 int evaluate(const Request& request) {
-  const scanner::stereo::MatcherOptions options = loadOptions(request.config);
   std::vector<StereoMethod> methods;
-  for (const std::string& name : request.methods) {
-    const int window = name == "bm" ? request.bm_window : request.sgbm_window;
-    methods.push_back(scanner::tools::stereoMethod(name, options, window));
-  }
+  for (const std::string& name : request.methods) methods.push_back(makeMethod(request, name));
   const auto folders = scanner::evaluation::findStereoScenes(request.folder);
   if (!folders) throw std::runtime_error(folders.status().message());
   cv::setNumThreads(request.threads);
   printHead(request, methods);
-  const auto results = measureScenes(request, *folders, methods, options);
+  const auto results = measureScenes(request, *folders, methods);
   std::fputs(averageTables(results).c_str(), stdout);
   std::fputs(comparisonTables(results).c_str(), stdout);
   if (!request.json.empty()) writeJson(request, methods, results);
@@ -123,7 +133,8 @@ int main(int argc, char** argv) {
   app.add_option("DIR", request.folder, "scene of a Middlebury set, or a folder of them")
       ->required();
   app.add_option("--config", request.config,
-                 "field, thesis, room or a YAML file; default: the defaults of every option");
+                 "of ours: field, thesis, room or a YAML file; default: middlebury for "
+                 "ours_semi_global, middlebury_block for ours_block");
   app.add_option("--methods", request.methods, "what to compare")
       ->delimiter(',')
       ->capture_default_str();
@@ -140,7 +151,8 @@ int main(int argc, char** argv) {
       ->check(oddWindow(1))
       ->capture_default_str();
   app.add_flag("--full", request.full, "every threshold and region of every scene");
-  app.add_flag("!--no-fill", request.fill, "leave filling out, which takes longer than matching");
+  app.add_flag("!--no-fill", request.fill,
+               "leave out the filled maps, which take longer than matching");
   app.add_option("--out", request.out, "folder for pictures of disparities and errors");
   app.add_option("--json", request.json, "file for all figures");
   return scanner::tools::run(app, argc, argv, [&] { return evaluate(request); });

