@@ -242,6 +242,7 @@ int main(int argc, char** argv) {
   bag->needs(reference)->needs(truth);
   app.add_option("--views", arguments.views, "numbers of the pairs")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->capture_default_str();
   app.add_option("--max-sigma", arguments.max_sigma, "px; pixels of a larger sigma are dropped")
       ->capture_default_str();

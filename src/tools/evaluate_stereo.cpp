@@ -137,6 +137,7 @@ int main(int argc, char** argv) {
                  "ours_semi_global, middlebury_block for ours_block");
   app.add_option("--methods", request.methods, "what to compare")
       ->delimiter(',')
+      ->allow_extra_args(false)
       ->capture_default_str();
   app.add_option("--threads", request.threads, "threads to use; the result is the same")
       ->check(CLI::Range(1, 256))

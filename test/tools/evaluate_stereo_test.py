@@ -61,8 +61,8 @@ class EvaluateStereo(unittest.TestCase):
 
     def test_chosen_methods_only(self):
         write_scene(self.folder / "one")
-        code, text, error = run("evaluate_stereo", self.folder / "one", "--repeat", 1, "--methods",
-                                "bm,sgbm", "--no-fill")
+        code, text, error = run("evaluate_stereo", "--repeat", 1, "--no-fill", "--methods", "bm,sgbm",
+                                self.folder / "one")
         self.assertEqual(code, 0, error)
         self.assertNotIn("ours", text)
         self.assertNotIn("mean of nonocc", text)  # of the filled maps
