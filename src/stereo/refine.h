@@ -30,8 +30,9 @@ namespace scanner::stereo {
 /// everything in front (infinity: keep). So is one that ends further than max_correction_px from
 /// its start.
 ///
-/// sigma^2 = s^2 (1 + s^2 / tail^2),  s^2 = noise_gain max(residual variance, image_noise^2) / N
-///                                        + step_gain <step^2> + roughness_gain <change^2> + floor^2
+/// sigma^2 = s^2 (1 + s^2 / tail^2)
+///     s^2 = noise_gain max(residual variance, image_noise^2) / N
+///         + step_gain <step^2> + roughness_gain <change^2> + floor^2
 ///
 /// with N the reduced normal matrix (the window's information on delta), <step^2> the mean square
 /// over the window of what the last step moved, and <change^2> of what the last averaging took off.

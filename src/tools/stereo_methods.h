@@ -26,10 +26,10 @@ StereoMethod stereoMethod(const std::string& name, const stereo::MatcherOptions&
                           int reference_window_px);
 
 struct StereoRun {
-  cv::Mat disparity;     ///< CV_32FC1, px, NaN = none
-  cv::Mat sigma;         ///< CV_32FC1, px; empty for OpenCV's
-  cv::Mat filled;        ///< CV_32FC1, px; empty before fillRun()
-  double seconds = 0.0;  ///< wall time without filling holes, best of the repetitions
+  cv::Mat disparity;                ///< CV_32FC1, px, NaN = none
+  cv::Mat sigma;                    ///< CV_32FC1, px; empty for OpenCV's
+  cv::Mat filled;                   ///< CV_32FC1, px; empty before fillRun()
+  double seconds = 0.0;             ///< wall time without filling holes, best of the repetitions
   double million_per_second = 0.0;  ///< pixels times disparities of the scene's range
 };
 
