@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <numeric>
 #include <vector>
@@ -33,6 +34,61 @@ std::size_t sumOverRows(int rows, int threads, const CleanRow& clean) {
 inline int matchColumn(int x, float d) {
   const float at = static_cast<float>(x) - d + 0.5f;
   return at < 0.0f ? -1 : static_cast<int>(at);
+}
+
+/// Columns [begin, end) of a row.
+struct Columns {
+  int begin = 0, end = 0;
+  bool whole = true;  ///< nothing between is left out
+};
+
+/// Where a mask is not 0.
+Columns validColumns(const std::uint8_t* mask, int width) {
+  Columns c{0, width};
+  while (c.begin < width && mask[c.begin] == 0) ++c.begin;
+  while (c.end > c.begin && mask[c.end - 1] == 0) --c.end;
+  c.whole = c.begin == c.end ||
+            std::memchr(mask + c.begin, 0, static_cast<std::size_t>(c.end - c.begin)) == nullptr;
+  return c;
+}
+
+/// Pixels [begin, end) that are masked; all of them without a mask.
+std::size_t removeMasked(const std::uint8_t* mask, int begin, int end, float* d) {
+  std::size_t removed = 0;
+  for (int x = begin; x < end; ++x) {
+    if (std::isnan(d[x]) || (mask != nullptr && mask[x] != 0)) continue;
+    d[x] = kNan;
+    ++removed;
+  }
+  return removed;
+}
+
+/// Pixels whose match is masked.
+std::size_t removeMaskedMatches(const std::uint8_t* mask, int width, float* d) {
+  std::size_t removed = 0;
+  for (int x = 0; x < width; ++x) {
+    if (std::isnan(d[x])) continue;
+    const int at = matchColumn(x, d[x]);
+    if (at < 0 || at >= width || mask[at] != 0) continue;
+    d[x] = kNan;
+    ++removed;
+  }
+  return removed;
+}
+
+/// Disparities outside [low, high], and those whose nearest column is not one of `right`. No
+/// branches: the processor would guess wrong at the edges of surfaces, and the compiler makes
+/// vectors of it.
+std::size_t removeBeyond(float low, float high, const Columns& right, int width, float* d) {
+  const float first = static_cast<float>(right.begin), end = static_cast<float>(right.end);
+  unsigned removed = 0;
+  for (int x = 0; x < width; ++x) {
+    const float value = d[x], at = static_cast<float>(x) - value + 0.5f;
+    const bool keep = (value >= low) & (value <= high) & (at >= first) & (at < end);
+    removed += static_cast<unsigned>(!keep & (value == value));
+    d[x] = keep ? value : kNan;
+  }
+  return removed;
 }
 
 /// T: pixel type of the right map. A pixel that has none is far from every disparity.
@@ -170,24 +226,27 @@ class Surfaces {
 std::size_t removeOutside(double min_disparity, double max_disparity, int margin,
                           const cv::Mat& left_valid, const cv::Mat& right_valid, cv::Mat& disparity,
                           int threads) {
-  const int first = std::max(margin, 0), last = disparity.cols - 1 - margin;
+  const int width = disparity.cols;
   const float low = static_cast<float>(min_disparity), high = static_cast<float>(max_disparity);
-  const std::vector<std::uint8_t> all(static_cast<std::size_t>(disparity.cols), 1);
+  const Columns allowed{std::max(margin, 0), width - std::max(margin, 0)};
   return sumOverRows(disparity.rows, threads, [&](int y) {
     float* d = disparity.ptr<float>(y);
-    const std::uint8_t* left = left_valid.empty() ? all.data() : left_valid.ptr<std::uint8_t>(y);
-    const std::uint8_t* right = right_valid.empty() ? all.data() : right_valid.ptr<std::uint8_t>(y);
     std::size_t removed = 0;
-    for (int x = 0; x < disparity.cols; ++x) {
-      // Without branches, which the edges of surfaces would have the processor guess wrong.
-      const bool within = (d[x] >= low) & (d[x] <= high);  // not for NaN
-      const int at = matchColumn(x, within ? d[x] : 0.0f);
-      const bool inside = (at >= first) & (at <= last);
-      const bool keep = within & inside & (left[x] != 0) & (right[inside ? at : 0] != 0);
-      removed += static_cast<std::size_t>(!keep & !std::isnan(d[x]));
-      d[x] = keep ? d[x] : kNan;
+    if (!left_valid.empty()) {
+      const std::uint8_t* mask = left_valid.ptr<std::uint8_t>(y);
+      const Columns valid = validColumns(mask, width);
+      removed += removeMasked(nullptr, 0, valid.begin, d);
+      removed += removeMasked(nullptr, valid.end, width, d);
+      if (!valid.whole) removed += removeMasked(mask, valid.begin, valid.end, d);
     }
-    return removed;
+    Columns right = allowed;
+    if (!right_valid.empty()) {
+      const std::uint8_t* mask = right_valid.ptr<std::uint8_t>(y);
+      const Columns valid = validColumns(mask, width);
+      right = {std::max(right.begin, valid.begin), std::min(right.end, valid.end)};
+      if (!valid.whole) removed += removeMaskedMatches(mask, width, d);
+    }
+    return removed + removeBeyond(low, high, right, width, d);
   });
 }
 
@@ -206,13 +265,13 @@ std::size_t removeImprecise(const cv::Mat& sigma, double max_sigma, cv::Mat& dis
   return sumOverRows(disparity.rows, threads, [&](int y) {
     float* d = disparity.ptr<float>(y);
     const float* s = sigma.ptr<float>(y);
-    std::size_t removed = 0;
+    unsigned removed = 0;
     for (int x = 0; x < disparity.cols; ++x) {
-      if (std::isnan(d[x]) || s[x] <= limit) continue;
-      d[x] = kNan;
-      ++removed;
+      const bool keep = s[x] <= limit;  // not for NaN
+      removed += static_cast<unsigned>(!keep & (d[x] == d[x]));
+      d[x] = keep ? d[x] : kNan;
     }
-    return removed;
+    return static_cast<std::size_t>(removed);
   });
 }
 
