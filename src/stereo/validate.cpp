@@ -52,11 +52,11 @@ Columns validColumns(const std::uint8_t* mask, int width) {
   return c;
 }
 
-/// Pixels [begin, end) that are masked; all of them without a mask.
+/// Pixels [begin, end) that are masked.
 std::size_t removeMasked(const std::uint8_t* mask, int begin, int end, float* d) {
   std::size_t removed = 0;
   for (int x = begin; x < end; ++x) {
-    if (std::isnan(d[x]) || (mask != nullptr && mask[x] != 0)) continue;
+    if (std::isnan(d[x]) || mask[x] != 0) continue;
     d[x] = kNan;
     ++removed;
   }
@@ -235,8 +235,8 @@ std::size_t removeOutside(double min_disparity, double max_disparity, int margin
     if (!left_valid.empty()) {
       const std::uint8_t* mask = left_valid.ptr<std::uint8_t>(y);
       const Columns valid = validColumns(mask, width);
-      removed += removeMasked(nullptr, 0, valid.begin, d);
-      removed += removeMasked(nullptr, valid.end, width, d);
+      removed += removeMasked(mask, 0, valid.begin, d);
+      removed += removeMasked(mask, valid.end, width, d);
       if (!valid.whole) removed += removeMasked(mask, valid.begin, valid.end, d);
     }
     Columns right = allowed;

@@ -31,22 +31,15 @@ struct Request {
   bool fill = true;
 };
 
-/// Of one of our methods: what the user names, else what suits such pictures.
-std::string configOf(const Request& request, const std::string& method) {
-  if (!request.config.empty()) return request.config;
-  return method == "ours_block" ? "middlebury_block" : "middlebury";
-}
-
+/// Ours take the configuration that the user names, else the one that suits such pictures.
 StereoMethod makeMethod(const Request& request, const std::string& name) {
-  const int window = name == "bm" ? request.bm_window : request.sgbm_window;
-  const bool ours = name == "ours_block" || name == "ours_semi_global";
-  if (!ours) return scanner::tools::stereoMethod(name, {}, window);
-  const std::string config = configOf(request, name);
-  StereoMethod method = scanner::tools::stereoMethod(
-      name, scanner::pipeline::loadConfig(scanner::bridge::configPath(config)).stereo.matcher,
-      window);
-  method.settings += " " + config;
-  if (method.options.interpolation.reach_px > 0.0) method.settings += ", holes filled";
+  StereoMethod method =
+      scanner::tools::stereoMethod(name, name == "bm" ? request.bm_window : request.sgbm_window);
+  if (!method.ours) return method;
+  const std::string suitable = method.block ? "middlebury_block" : "middlebury";
+  const std::string config = request.config.empty() ? suitable : request.config;
+  const auto loaded = scanner::pipeline::loadConfig(scanner::bridge::configPath(config));
+  configure(loaded.stereo.matcher, config, method);
   return method;
 }
 

@@ -27,19 +27,13 @@ stereo::RectifiedPair grayPair(const evaluation::StereoScene& scene) {
 
 }  // namespace
 
-StereoMethod stereoMethod(const std::string& name, const stereo::MatcherOptions& options,
-                          int reference_window_px) {
+StereoMethod stereoMethod(const std::string& name, int reference_window_px) {
   StereoMethod out;
   out.name = name;
   out.ours = name == "ours_block" || name == "ours_semi_global";
   out.block = name == "ours_block" || name == "bm";
   if (out.ours) {
-    out.options = options;
-    out.options.method = out.block ? stereo::MatchMethod::kBlock : stereo::MatchMethod::kSemiGlobal;
-    const int window = out.block ? options.block.window_px : options.semi_global.window_px;
-    out.settings = std::string("scanner, method ") + (out.block ? "block" : "semi_global") +
-                   ", window " + std::to_string(window) +
-                   ", tests and refinement of the configuration";
+    configure({}, "of all defaults", out);
     return out;
   }
   if (name != "bm" && name != "sgbm") {
@@ -51,6 +45,18 @@ StereoMethod stereoMethod(const std::string& name, const stereo::MatcherOptions&
   reference.window_px = reference_window_px;
   out.settings = describeReference(referenceOf(out), reference);
   return out;
+}
+
+void configure(const stereo::MatcherOptions& options, const std::string& config,
+               StereoMethod& method) {
+  const bool block = method.block;
+  method.options = options;
+  method.options.method = block ? stereo::MatchMethod::kBlock : stereo::MatchMethod::kSemiGlobal;
+  const int window = block ? options.block.window_px : options.semi_global.window_px;
+  method.settings = std::string("scanner, method ") + (block ? "block" : "semi_global") +
+                    ", window " + std::to_string(window) +
+                    ", tests and refinement of the configuration " + config;
+  if (options.interpolation.reach_px > 0.0) method.settings += ", holes filled";
 }
 
 StereoRun runStereo(const StereoMethod& method, const evaluation::StereoScene& scene, int threads,

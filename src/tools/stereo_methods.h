@@ -19,11 +19,13 @@ struct StereoMethod {
   std::string settings;            ///< one line
 };
 
-/// ours_block, ours_semi_global, bm, sgbm. `options`: of ours, but for method and range.
-/// `reference_window_px`: of OpenCV's, 0: their default. Throws ConfigurationError for another
-/// name.
-StereoMethod stereoMethod(const std::string& name, const stereo::MatcherOptions& options,
-                          int reference_window_px);
+/// ours_block, ours_semi_global, bm, sgbm. `reference_window_px`: of OpenCV's, 0: their default.
+/// Ours have the default options. Throws ConfigurationError for another name.
+StereoMethod stereoMethod(const std::string& name, int reference_window_px);
+
+/// Gives one of ours the options, but for method and range, of the configuration named `config`.
+void configure(const stereo::MatcherOptions& options, const std::string& config,
+               StereoMethod& method);
 
 struct StereoRun {
   cv::Mat disparity;                ///< CV_32FC1, px, NaN = none
