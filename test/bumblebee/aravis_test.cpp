@@ -119,11 +119,19 @@ TEST_F(AravisTest, FullFramesInFormat) {
   EXPECT_EQ(format->pixels, PixelFormat::kBayerRggb8);
   ASSERT_TRUE(camera->start());
   EXPECT_EQ(camera->configure(0, 0, {}).status().code(), StatusCode::kInvalidInput) << "streams";
-  for (int i = 0; i < 4; ++i) {
+  // A busy machine drops packets of frames of this size itself; such a frame must say so.
+  int sound = 0;
+  for (int i = 0; i < 60 && sound < 4; ++i) {
     const auto frame = camera->grab(kPatience);
     ASSERT_TRUE(frame) << frame.status().message();
+    if (!frame->status) {
+      EXPECT_EQ(frame->status.code(), StatusCode::kNotEnoughData);
+      continue;
+    }
     expectRight(*frame);
+    ++sound;
   }
+  EXPECT_EQ(sound, 4);
 }
 
 TEST_F(AravisTest, ControlsReachTheSourceWhileStreaming) {
